@@ -1,0 +1,50 @@
+"""Segments point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.
+
+`stream` is the framework as an iterator over spans; `segment` and `segment_static` return the labels of a whole cloud;
+`segment_file` and `resolve_file` go from file to file.
+"""
+
+from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints
+from .errors import (
+    FileError,
+    InvalidInput,
+    InvalidParameter,
+    MissingExtra,
+    OutputExists,
+    SegmentorError,
+    StreamsegError,
+    StreamsegWarning,
+)
+from .files import Outcome, resolve_file, segment_file
+from .history import History
+from .stream import Progress, Span, Stream, segment, segment_static, stream
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "FileError",
+    "History",
+    "InvalidInput",
+    "InvalidParameter",
+    "MissingExtra",
+    "Outcome",
+    "OutputExists",
+    "Progress",
+    "Proximity",
+    "SegmentorError",
+    "Span",
+    "SpanByCount",
+    "SpanByScanLine",
+    "SpanByTime",
+    "SpanByWidth",
+    "Stream",
+    "StreamsegError",
+    "StreamsegWarning",
+    "Window",
+    "WindowPoints",
+    "resolve_file",
+    "segment",
+    "segment_file",
+    "segment_static",
+    "stream",
+]

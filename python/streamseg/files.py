@@ -1,0 +1,165 @@
+"""From file to file: segment a cloud and write every point with its segment id."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ._core import Window
+from .history import History
+from .io import LabelSpool, check_output, open_cloud, write_labelled
+from .source import PathLike
+from .stream import Progress, Result, SpanBy, Stream, stream
+
+
+class Outcome(NamedTuple):
+    """What a run from file to file came to."""
+
+    points: int
+    """Points written, each with its segment id."""
+    windows: int
+    """Windows woven."""
+    aliases: int
+    """Ids handed out that have become another's (``result="carry"``)."""
+    promise: str
+    """How the result relates to the static one."""
+    damage: str | None
+    """What could not be read, if the input is damaged; what came before it is in the output."""
+
+
+def segment_file(
+    inputs: PathLike | Sequence[PathLike],
+    output: PathLike,
+    segmentor: Any,
+    *,
+    spans: SpanBy | None = None,
+    window: Window | None = None,
+    history: PathLike | None = None,
+    result: Result = "final",
+    threads: int | None = None,
+    drop_invalid: bool = False,
+    overwrite: bool = False,
+    on_progress: Callable[[Progress], None] | None = None,
+    on_write: Callable[[int], None] | None = None,
+) -> Outcome:
+    """Segment one or more files as one stream and write each point, in input order, with its segment id.
+
+    Parameters
+    ----------
+    inputs : path or sequence of paths
+        LAS, LAZ, NumPy or text, all of one kind.
+    output : path
+        LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
+    segmentor, spans, window, history, threads, drop_invalid
+        As for `stream`.
+    result : {"final", "carry", "history"}, default "final"
+        Which ids are written.
+    overwrite : bool, default False
+        Replace an output and a history that are already there.
+    on_progress, on_write : functions, optional
+        Called with the `Progress`, and with the points written so far.
+
+    Returns
+    -------
+    Outcome
+        Also of a damaged input: the points before the damage are segmented and written, and ``damage`` says which.
+
+    Raises
+    ------
+    FileError, OutputExists, InvalidInput, InvalidParameter
+        Before any work is done, where that can be known; and if the output cannot be written.
+    Exception
+        Whatever ends the run early (a KeyboardInterrupt too) is raised only after the points that were segmented so far
+        have been written.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss, tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> np.savetxt(f"{folder}/in.xyz", np.zeros((5, 3)))
+    >>> ss.segment_file(f"{folder}/in.xyz", f"{folder}/out.xyz", ss.Proximity(1.0)).points
+    5
+    """
+    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
+    output = Path(output)
+    check_output(output, paths, overwrite)
+    cloud = open_cloud(paths)
+    run = stream(
+        cloud,
+        segmentor,
+        spans=spans,
+        window=window,
+        history=history,
+        result=result,
+        threads=threads,
+        drop_invalid=drop_invalid,
+        overwrite=overwrite,
+        on_progress=on_progress,
+        with_points=False,
+    )
+    aliases = 0
+    failure: BaseException | None = None
+    with LabelSpool() as labels, run:
+        try:
+            aliases += _label(run, labels)
+        except (Exception, KeyboardInterrupt) as early:
+            failure = early
+            run.stop()
+            with contextlib.suppress(Exception):
+                aliases += _label(run, labels)
+        if failure is not None and run.progress.points == 0:
+            raise failure
+        points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+        if failure is not None:
+            raise failure
+        return Outcome(points, run.progress.windows, aliases, run.promise, cloud.damage)
+
+
+def _label(run: Stream, labels: LabelSpool) -> int:
+    """Spool the ids of a run; returns the number of aliases."""
+    aliases = 0
+    for span in run:
+        labels.add(span.point_ids, span.segment_ids)
+        aliases += len(span.aliases)
+    return aliases
+
+
+def resolve_file(
+    history: PathLike,
+    inputs: PathLike | Sequence[PathLike],
+    output: PathLike,
+    *,
+    overwrite: bool = False,
+    on_write: Callable[[int], None] | None = None,
+) -> int:
+    """Write each point of the input with the final segment id that its history resolves to.
+
+    Parameters
+    ----------
+    history : path
+        Folder of the history of a run over the same input.
+    inputs, output, overwrite, on_write
+        As for `segment_file`.
+
+    Returns
+    -------
+    int
+        How many points were written.
+
+    Raises
+    ------
+    FileError, InvalidInput, OutputExists
+        If the history or the input cannot be read, they do not belong together, or the output cannot be written.
+    """
+    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
+    output = Path(output)
+    check_output(output, paths, overwrite)
+    past = History(history)
+    cloud = open_cloud(paths)
+    with LabelSpool() as labels:
+        for point_ids, segment_ids in past.resolve():
+            labels.add(point_ids, segment_ids)
+        return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+

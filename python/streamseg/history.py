@@ -1,0 +1,265 @@
+"""The history of a run: a folder that keeps the whole story of points and segments.
+
+``manifest.json`` says what was done. ``point_segment/`` holds the raw segment id of every point, ``segment_segment/``
+every successor of every segment, ``window/`` the windows, ``alias/`` the late joins of a run that carried ids. All are
+Parquet, in parts with equal numbers: what went out of scope together is in parts of the same number.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._core import Replay, Settlement
+from .errors import FileError, InvalidInput, MissingExtra, OutputExists
+
+if TYPE_CHECKING:
+    import pyarrow
+
+    from ._core import Span as CoreSpan
+
+FORMAT_VERSION = 1
+MANIFEST = "manifest.json"
+
+_COLUMNS = {
+    "point_segment": ("point_id", "segment_id", "span"),
+    "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
+    "window": ("window", "first_span", "spans", "points", "first_segment_id", "segments"),
+    "alias": ("segment_id", "becomes", "span"),
+}
+
+# Rows of the point-segment table in a part. A run that is killed loses the part under way, no more.
+_ROWS_PER_PART = 1_000_000
+
+
+def _parquet() -> Any:
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise MissingExtra("a history is kept as Parquet; install it with: pip install 'streamseg[history]'") from None
+    return pyarrow.parquet
+
+
+class HistoryWriter:
+    """Writes a history while a stream runs."""
+
+    def __init__(
+        self, folder: Path, *, source: str, parameters: dict[str, str], promise: str, overwrite: bool = False
+    ) -> None:
+        self._parquet = _parquet()
+        self._folder = folder
+        _prepare(folder, overwrite)
+        self._waiting: dict[str, list[NDArray[np.int64]]] = {table: [] for table in _COLUMNS}
+        self._waiting_rows = 0
+        self._part = 0
+        self._manifest: dict[str, Any] = {
+            "format": "streamseg history",
+            "version": FORMAT_VERSION,
+            "source": source,
+            "parameters": parameters,
+            "promise": promise,
+            "complete": False,
+            "points": 0,
+            "spans": 0,
+            "windows": 0,
+            "segment_ids": 0,
+            "parts": 0,
+        }
+        self._write_manifest()
+
+    def write(self, span: CoreSpan, windows: NDArray[np.int64], *, with_aliases: bool) -> None:
+        """Take in a span that went out of scope, and the windows woven since the last."""
+        spans = np.full(len(span.point_ids), span.index, np.int64)
+        self._wait("point_segment", np.column_stack([span.point_ids, span.raw_ids, spans]))
+        self._wait("segment_segment", span.segments)
+        self._wait("window", windows)
+        if with_aliases and len(span.aliases):
+            told = np.full(len(span.aliases), span.index, np.int64)
+            self._wait("alias", np.column_stack([span.aliases, told]))
+        self._manifest["points"] += len(span.point_ids)
+        self._manifest["spans"] += 1
+        if self._waiting_rows >= _ROWS_PER_PART:
+            self._write_part()
+
+    def close(self, windows: NDArray[np.int64], *, complete: bool) -> None:
+        """Write what waits and the manifest."""
+        self._wait("window", windows)
+        self._write_part()
+        self._manifest["complete"] = complete
+        self._write_manifest()
+
+    def _wait(self, table: str, rows: NDArray[np.int64]) -> None:
+        self._waiting[table].append(rows)
+        self._waiting_rows += len(rows)
+        if table == "window" and len(rows):
+            self._manifest["windows"] += len(rows)
+            self._manifest["segment_ids"] = int(rows[-1, 4] + rows[-1, 5] - 1)
+
+    def _write_part(self) -> None:
+        for table, columns in _COLUMNS.items():
+            rows = np.concatenate([np.empty((0, len(columns)), np.int64), *self._waiting[table]])
+            self._waiting[table].clear()
+            self._write_rows(table, columns, rows)
+        self._waiting_rows = 0
+        self._part += 1
+        self._manifest["parts"] = self._part
+        self._write_manifest()
+
+    def _write_rows(self, table: str, columns: tuple[str, ...], rows: NDArray[np.int64]) -> None:
+        import pyarrow
+
+        path = self._folder / table / f"part-{self._part:06}.parquet"
+        arrays = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(columns)}
+        try:
+            # Ids of neighbouring rows differ little: deltas are smaller, and faster to write, than anything else.
+            self._parquet.write_table(
+                pyarrow.table(arrays),
+                path,
+                compression="zstd",
+                use_dictionary=False,
+                column_encoding=dict.fromkeys(columns, "DELTA_BINARY_PACKED"),
+            )
+        except OSError as error:
+            raise FileError(f"the history {self._folder} cannot be written: {error}") from error
+
+    def _write_manifest(self) -> None:
+        path = self._folder / MANIFEST
+        try:
+            path.with_suffix(".part").write_text(json.dumps(self._manifest, indent=2) + "\n", encoding="utf-8")
+            path.with_suffix(".part").replace(path)
+        except OSError as error:
+            raise FileError(f"the history {self._folder} cannot be written: {error}") from error
+
+
+def _prepare(folder: Path, overwrite: bool) -> None:
+    """Make the folders; refuse to write into a folder that is something else."""
+    if folder.exists():
+        if not (folder / MANIFEST).is_file() and (not folder.is_dir() or any(folder.iterdir())):
+            raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
+        if (folder / MANIFEST).is_file() and not overwrite:
+            raise OutputExists(f"the history {folder} exists; give another folder, or overwrite it with overwrite=True")
+    try:
+        for table in _COLUMNS:
+            shutil.rmtree(folder / table, ignore_errors=True)
+            (folder / table).mkdir(parents=True)
+    except OSError as error:
+        raise FileError(f"the history {folder} cannot be made: {error}") from error
+
+
+class Part(NamedTuple):
+    """What went out of scope together."""
+
+    point_ids: NDArray[np.int64]
+    raw_ids: NDArray[np.int64]
+    segment_ids: NDArray[np.int64]
+    next_segment_ids: NDArray[np.int64]
+
+
+class History:
+    """A history on disk.
+
+    Parameters
+    ----------
+    folder : path
+        As given to `stream` or ``streamseg segment --history``.
+
+    Raises
+    ------
+    FileError
+        If there is no history in the folder.
+    InvalidInput
+        If it was written by a newer version.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss, tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> with ss.stream(np.zeros((5, 3)), ss.Proximity(1.0), history=folder) as run:
+    ...     _ = list(run)
+    >>> ss.History(folder).manifest["points"]
+    5
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        try:
+            text = (self.folder / MANIFEST).read_text(encoding="utf-8")
+        except OSError:
+            raise FileError(f"{self.folder} is no history: it has no {MANIFEST}") from None
+        try:
+            self.manifest: dict[str, Any] = json.loads(text)
+            version = self.manifest["version"]
+        except (ValueError, KeyError, TypeError):
+            raise InvalidInput(f"{self.folder / MANIFEST} is damaged: it is no manifest of a history") from None
+        if version != FORMAT_VERSION:
+            raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
+
+    def parts(self) -> Iterator[Part]:
+        """Read the history part by part, in the order in which it was written."""
+        for part in range(self.manifest["parts"]):
+            points = self._read("point_segment", part)
+            segments = self._read("segment_segment", part)
+            yield Part(points["point_id"], points["segment_id"], segments["segment_id"], segments["next_segment_id"])
+
+    def resolve(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Turn the raw ids of all points into final ids, in bounded memory.
+
+        Two sweeps: forwards, ids are carried as the segments' successors are told; backwards, they are settled.
+
+        Yields
+        ------
+        (n,) int64, (n,) int64
+            Point ids and their final segment ids, part by part.
+        """
+        replay = Replay(self.manifest["segment_ids"])
+        settlement = Settlement(with_points=False)
+        for index, part in enumerate(self.parts()):
+            carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.raw_ids)
+            settlement.keep_ids(index, part.point_ids, carried, position)
+        replay.settle(settlement)
+        for settled in settlement:
+            yield settled.point_ids, settled.segment_ids
+
+    def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> list[Path]:
+        """Write each table as one CSV file with a header line; returns the files."""
+        _parquet()
+        import pyarrow.csv
+
+        written = []
+        for table in _COLUMNS:
+            path = Path(folder) / f"{table}.csv"
+            if path.exists() and not overwrite:
+                raise OutputExists(f"{path} exists; give another folder, or overwrite it with overwrite=True")
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with pyarrow.csv.CSVWriter(path, self._schema(table)) as writer:
+                    for part in range(self.manifest["parts"]):
+                        writer.write(self._table(table, part))
+            except OSError as error:
+                raise FileError(f"{path} cannot be written: {error}") from error
+            written.append(path)
+        return written
+
+    def _schema(self, table: str) -> pyarrow.Schema:
+        import pyarrow
+
+        return pyarrow.schema([(name, pyarrow.int64()) for name in _COLUMNS[table]])
+
+    def _table(self, table: str, part: int) -> pyarrow.Table:
+        import pyarrow
+
+        path = self.folder / table / f"part-{part:06}.parquet"
+        try:
+            return _parquet().read_table(path)
+        except (OSError, pyarrow.ArrowException) as error:
+            raise FileError(f"{path} cannot be read, the history is damaged: {error}") from error
+
+    def _read(self, table: str, part: int) -> dict[str, NDArray[np.int64]]:
+        rows = self._table(table, part)
+        return {name: rows[name].to_numpy() for name in _COLUMNS[table]}

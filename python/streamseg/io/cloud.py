@@ -1,0 +1,158 @@
+"""A point cloud in one or more files, read as one stream of chunks in bounded memory."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Generator, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning
+from .lattice import Lattice, common_lattice
+
+DEFAULT_CHUNK = 500_000
+
+
+class Chunk(NamedTuple):
+    """Consecutive points of a cloud.
+
+    points : (n, 3) float64, C-contiguous, in lattice units (see `Cloud.lattice`)
+    attributes : name → (n,) array, one per attribute asked for
+    """
+
+    points: NDArray[np.float64]
+    attributes: dict[str, NDArray[Any]]
+
+
+class Source(Protocol):
+    """One file of a cloud. `damage` says, after reading, why the end was not reached."""
+
+    path: Path
+    kind: str
+    point_count: int | None
+    lattice: Lattice
+    dimensions: tuple[str, ...]
+    damage: str | None
+
+    def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
+        """Yield the points in the file's own lattice units."""
+
+
+class Cloud:
+    """One or more files of one kind as a single stream; point ids run on from file to file.
+
+    A cloud can be iterated any number of times and always yields the same points.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+    kind : "las", "npy" or "text"
+    point_count : int or None
+        As the files announce it; None for text. A damaged file yields fewer.
+    lattice : Lattice
+        Scale and offset that turn the yielded points into coordinates. For LAS the first file's, with a finer
+        scale where another file needs it (see `streamseg.io.lattice`); for the other kinds the identity.
+    dimensions : tuple of str
+        Names that every file has; any of them can be asked for as an attribute.
+    unit : str or None
+        Unit of the horizontal coordinates, "m" or "ft", where the first file says it.
+    damage : str or None
+        After an iteration: one sentence that says which points could not be read.
+    """
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self.sources = tuple(sources)
+        self.paths = tuple(source.path for source in self.sources)
+        self.kind = _one_kind(self.sources)
+        counts = [source.point_count for source in self.sources]
+        self.point_count = None if None in counts else sum(count or 0 for count in counts)
+        if self.point_count == 0:
+            raise InvalidInput(f"{_listing(self.paths)} has no points")
+        self.lattice, self.shifts = common_lattice([source.lattice for source in self.sources])
+        self._warn_of_rounding()
+        self.dimensions = tuple(
+            name for name in self.sources[0].dimensions if all(name in other.dimensions for other in self.sources[1:])
+        )
+        self.unit: str | None = getattr(self.sources[0], "unit", None)
+        self.damage: str | None = None
+
+    def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Iterator[Chunk]:
+        """Yield the cloud from its first point to its last.
+
+        Parameters
+        ----------
+        size : int
+            Points per chunk, at least 1. The last chunk of each file may be shorter.
+        attributes : sequence of str
+            Names out of `dimensions`, e.g. ``gps_time``.
+
+        Raises
+        ------
+        InvalidInput
+            An attribute that a file does not have.
+        FileError
+            Not one point can be read. Damage after the first point ends the file and is told in `damage`.
+        """
+        if size < 1:
+            raise InvalidParameter(f"chunk size is {size}, must be 1 or more")
+        missing = [name for name in attributes if name not in self.dimensions]
+        if missing:
+            raise InvalidInput(
+                f"{_listing(self.paths)} has no dimension {missing[0]!r}; there are: {', '.join(self.dimensions)}"
+            )
+        return self._iterate(size, tuple(attributes))
+
+    def _iterate(self, size: int, attributes: tuple[str, ...]) -> Generator[Chunk, None, None]:
+        self.damage = None
+        seen = 0
+        for source, shift in zip(self.sources, self.shifts, strict=True):
+            for chunk in source.chunks(size, attributes):
+                seen += len(chunk.points)
+                shift.apply(chunk.points)
+                yield chunk
+            self.note_damage(source)
+        if seen == 0:
+            raise FileError(self.damage or f"{_listing(self.paths)} has no points")
+
+    def note_damage(self, source: Source) -> None:
+        """Add what `source` has to say about its damage, once it has been read."""
+        if source.damage:
+            self.damage = source.damage if self.damage is None else f"{self.damage}; {source.damage}"
+
+    def _warn_of_rounding(self) -> None:
+        for source, shift in zip(self.sources, self.shifts, strict=True):
+            if not shift.exact:
+                steps = ", ".join(f"{scale:g}" for scale in self.lattice.scale)
+                warnings.warn(
+                    f"{source.path.name} does not lie on the lattice of {self.sources[0].path.name}: its coordinates "
+                    f"are rounded to the nearest multiple of ({steps}), a change of at most half of that",
+                    StreamsegWarning,
+                    stacklevel=4,
+                )
+
+
+def damage_sentence(path: Path, read: int, announced: int, reason: str) -> str:
+    """Say how far a damaged file could be read."""
+    if read == 0:
+        return f"{path} is damaged before its first point: none of its {announced:,} points could be read ({reason})"
+    return (
+        f"{path.name} is damaged after point {read:,} of {announced:,}; "
+        f"the {read:,} points before it were read ({reason})"
+    )
+
+
+def _one_kind(sources: tuple[Source, ...]) -> str:
+    if not sources:
+        raise InvalidInput("no input file was given, at least one is needed")
+    kinds = {source.kind: source.path.name for source in sources}
+    if len(kinds) > 1:
+        listed = ", ".join(f"{name} is {kind}" for kind, name in kinds.items())
+        raise InvalidInput(f"the inputs are of different kinds ({listed}); give files of one kind")
+    return sources[0].kind
+
+
+def _listing(paths: Sequence[Path]) -> str:
+    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} (and {len(paths) - 1} more)"

@@ -1,0 +1,163 @@
+"""Labelled clouds written as text, and segment ids alone as a NumPy file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from decimal import Decimal
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from numpy.lib import format as npy_format
+from numpy.typing import NDArray
+
+from .cloud import Cloud
+from .labels import NO_SEGMENT, SEGMENT_DIMENSION
+from .npy import NpySource
+from .text import TextSource
+
+_POINTS_AT_ONCE = 100_000
+_MOST_DECIMALS = 12
+_NPY_HEADER_BYTES = 128
+
+
+class LineSink:
+    """Text in, text out: each line is kept and its segment id appended.
+
+    A file that was written this way before has its ids replaced: its header ends in ``SegmentID``.
+    """
+
+    def __init__(self, cloud: Cloud) -> None:
+        self._cloud = cloud
+        self._sources = cast("tuple[TextSource, ...]", cloud.sources)
+
+    def begin(self, file: BinaryIO) -> None:
+        """Write the line of names, if the first file has one."""
+        self._file = file
+        layout = self._sources[0].layout
+        if layout.header is not None:
+            kept = self._without_ids([layout.header], 0)[0].rstrip()
+            file.write(_encoded(f"{kept}{layout.joiner}{SEGMENT_DIMENSION}\n"))
+
+    def blocks(self) -> Iterator[tuple[int, Any]]:
+        """Yield the number of points and their lines, per block."""
+        self._cloud.damage = None
+        for index, source in enumerate(self._sources):
+            for lines in source.lines(_POINTS_AT_ONCE):
+                yield len(lines), (index, lines)
+            self._cloud.note_damage(source)
+
+    def append(self, block: tuple[int, list[str]], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
+        """Write those lines of the block that are `kept`."""
+        index, lines = block
+        if not kept.all():
+            lines, ids = [line for line, keep in zip(lines, kept.tolist(), strict=True) if keep], ids[kept]
+        line_end = f"{self._sources[index].layout.joiner}%d\n"
+        pairs = zip(self._without_ids(lines, index), ids.tolist(), strict=True)
+        self._file.write(_encoded("".join(map(f"%s{line_end}".__mod__, pairs))))
+        return len(lines)
+
+    def finish(self) -> None:
+        """Nothing is left to do."""
+
+    def _without_ids(self, lines: list[str], index: int) -> list[str]:
+        layout = self._sources[index].layout
+        if layout.names[-1] != SEGMENT_DIMENSION:
+            return lines
+        return [line.rstrip().rsplit(layout.delimiter, 1)[0] for line in lines]
+
+
+class CoordinateSink:
+    """Anything in, text out: x y z and the segment id. A ``.csv`` has commas and a line of names."""
+
+    def __init__(self, cloud: Cloud, comma_separated: bool) -> None:
+        self._cloud = cloud
+        self._header = f"x,y,z,{SEGMENT_DIMENSION}\n" if comma_separated else ""
+        number = _number_format(cloud)
+        self._line = ("," if comma_separated else " ").join((number, number, number, "%d")) + "\n"
+
+    def begin(self, file: BinaryIO) -> None:
+        """Write the line of names."""
+        self._file = file
+        file.write(self._header.encode())
+
+    def blocks(self) -> Iterator[tuple[int, Any]]:
+        """Yield the number of points and their coordinates, per block."""
+        for chunk in self._cloud.chunks(_POINTS_AT_ONCE):
+            yield len(chunk.points), self._cloud.lattice.to_coordinates(chunk.points)
+
+    def append(self, block: NDArray[np.float64], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
+        """Write those points of the block that are `kept`."""
+        points = block[kept]
+        rows = zip(*points.T.tolist(), ids[kept].tolist(), strict=True)
+        self._file.write("".join(map(self._line.__mod__, rows)).encode())
+        return len(points)
+
+    def finish(self) -> None:
+        """Nothing is left to do."""
+
+
+class IdSink:
+    """Anything in, segment ids out: an ``(n,)`` int64 ``.npy`` whose rows are the points' ids in order.
+
+    Row i belongs to point i. So a point that was not reached keeps its row, with −1, unless no later one was
+    reached either.
+    """
+
+    def __init__(self, cloud: Cloud) -> None:
+        self._cloud = cloud
+
+    def begin(self, file: BinaryIO) -> None:
+        """Leave room for the header."""
+        self._file = file
+        self._rows = self._pending = 0
+        file.write(bytes(_NPY_HEADER_BYTES))
+
+    def blocks(self) -> Iterator[tuple[int, Any]]:
+        """Yield the number of points per block."""
+        for chunk in self._cloud.chunks():
+            yield len(chunk.points), None
+
+    def append(self, _block: None, ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
+        """Write the ids up to the last point that is `kept`."""
+        reached = np.flatnonzero(kept)
+        if len(reached) == 0:
+            self._pending += len(ids)
+            return 0
+        stop = int(reached[-1]) + 1
+        while self._pending:
+            skipped = min(self._pending, _POINTS_AT_ONCE)
+            self._write(np.full(skipped, NO_SEGMENT, np.int64))
+            self._pending -= skipped
+        self._write(np.where(kept[:stop], ids[:stop], NO_SEGMENT))
+        self._pending = len(ids) - stop
+        return len(reached)
+
+    def finish(self) -> None:
+        """Write the header, now that the number of rows is known."""
+        self._file.seek(0)
+        described = {"shape": (self._rows,), "fortran_order": False, "descr": "<i8"}
+        npy_format.write_array_header_1_0(self._file, described)
+        if self._file.tell() != _NPY_HEADER_BYTES:
+            raise AssertionError(f".npy header took {self._file.tell()} bytes, {_NPY_HEADER_BYTES} were left for it")
+
+    def _write(self, ids: NDArray[np.int64]) -> None:
+        self._file.write(ids.astype("<i8").data)
+        self._rows += len(ids)
+
+
+def _number_format(cloud: Cloud) -> str:
+    """As many digits as the input has, and no more."""
+    if cloud.kind == "las":
+        decimals = max(_decimals(value) for value in (*cloud.lattice.scale, *cloud.lattice.offset))
+        return f"%.{min(decimals, _MOST_DECIMALS)}f"
+    numbers = cast("tuple[NpySource, ...]", cloud.sources)
+    return "%.9g" if all(source.number_type == np.float32 for source in numbers) else "%r"
+
+
+def _decimals(value: float) -> int:
+    exponent = Decimal(repr(value)).normalize().as_tuple().exponent
+    return max(0, -exponent) if isinstance(exponent, int) else 0
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "surrogateescape")

@@ -1,0 +1,132 @@
+//! The threads of a run.
+//!
+//! One thread means the caller's own: nothing is spawned, and labels come out with the least delay. With more, windows
+//! are segmented side by side while the caller's thread reads and hands out.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::error::{Error, Result, at_least_one};
+
+/// How often a wait for a job looks up, so that an interrupt is answered at once.
+const LOOK_UP: Duration = Duration::from_millis(50);
+
+/// A number of threads that work together.
+pub struct Crew {
+    pool: Option<ThreadPool>,
+    threads: usize,
+}
+
+impl Crew {
+    /// A crew of `threads` threads.
+    ///
+    /// # Errors
+    /// If there is none, or the system gives none.
+    pub fn new(threads: usize) -> Result<Self> {
+        at_least_one("threads", threads)?;
+        if threads == 1 {
+            return Ok(Self { pool: None, threads });
+        }
+        let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("streamseg-{i}")).build();
+        Ok(Self { pool: Some(pool.map_err(|e| Error::Foreign(e.into()))?), threads })
+    }
+
+    /// How many threads there are.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Does `work` for each item, on all threads; results in the order of the items.
+    pub fn map<T: Send, R: Send>(&self, items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
+        match &self.pool {
+            Some(pool) if items.len() > 1 => pool.install(|| items.into_par_iter().map(work).collect()),
+            _ => items.into_iter().map(work).collect(),
+        }
+    }
+
+    /// Starts a job, or does it right here if there is no other thread.
+    pub fn start<R: Send + 'static>(&self, job: impl FnOnce() -> R + Send + 'static) -> Job<R> {
+        // A panicking job must neither end the process nor leave its waiter waiting.
+        let job = move || catch_unwind(AssertUnwindSafe(job)).map_err(|panic| message(&*panic));
+        match &self.pool {
+            None => Job::Done(job()),
+            Some(pool) => {
+                let (sender, receiver) = channel();
+                pool.spawn(move || {
+                    // Nobody listens when the run was given up in the meantime.
+                    let _ = sender.send(job());
+                });
+                Job::Under(receiver)
+            }
+        }
+    }
+}
+
+fn message(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown cause".into())
+}
+
+/// A job under way; its failure is the message of a panic.
+pub enum Job<R> {
+    /// It was done at once.
+    Done(std::result::Result<R, String>),
+    /// Another thread does it.
+    Under(Receiver<std::result::Result<R, String>>),
+}
+
+impl<R> Job<R> {
+    /// Waits for the job, calling `look_up` now and then; gives up the wait, not the job, if that fails.
+    ///
+    /// # Errors
+    /// What `look_up` returns; the job can be waited for again.
+    pub fn wait(&mut self, look_up: &mut dyn FnMut() -> Result<()>) -> Result<std::result::Result<R, String>> {
+        let receiver = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
+            Job::Done(result) => return Ok(result),
+            Job::Under(receiver) => receiver,
+        };
+        loop {
+            match receiver.recv_timeout(LOOK_UP) {
+                Ok(result) => return Ok(result),
+                Err(RecvTimeoutError::Disconnected) => return Ok(Err("its thread ended".into())),
+                Err(RecvTimeoutError::Timeout) => {
+                    if let Err(interrupt) = look_up() {
+                        *self = Job::Under(receiver);
+                        return Err(interrupt);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_keep_the_order_of_the_items() {
+        for threads in [1, 4] {
+            let crew = Crew::new(threads).unwrap();
+            assert_eq!(crew.map((0..100).collect(), |i| i * i), (0..100).map(|i| i * i).collect::<Vec<_>>());
+        }
+        assert!(Crew::new(0).is_err());
+    }
+
+    #[test]
+    fn a_panic_is_an_answer_and_an_interrupt_only_ends_the_wait() {
+        for threads in [1, 2] {
+            let crew = Crew::new(threads).unwrap();
+            let mut job = crew.start(|| -> i32 { panic!("oh") });
+            assert_eq!(job.wait(&mut || Ok(())).unwrap(), Err("oh".to_string()));
+        }
+        let crew = Crew::new(2).unwrap();
+        let mut job = crew.start(|| std::thread::sleep(Duration::from_millis(200)));
+        assert!(job.wait(&mut || Err(Error::parameter("test", 1, "nothing"))).is_err());
+        assert_eq!(job.wait(&mut || Ok(())).unwrap(), Ok(()));
+    }
+}

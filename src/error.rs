@@ -1,0 +1,103 @@
+//! What can go wrong, each with the value given and the value allowed.
+//!
+//! One enum for the whole core. The binding turns every variant into an exception that derives from `StreamsegError`
+//! and from the builtin that Python people expect.
+
+use std::io;
+
+/// A failure of a run or of its set-up.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A parameter is outside what is allowed.
+    #[error("{name} is {given}, allowed: {allowed}")]
+    InvalidParameter {
+        /// The parameter's name as users type it.
+        name: &'static str,
+        /// What was given.
+        given: String,
+        /// What would have been accepted.
+        allowed: &'static str,
+    },
+    /// A coordinate is NaN, infinite, or too large to compute with.
+    #[error(
+        "point {point_id} has the coordinates ({}, {}, {}), which are not finite numbers below 1e60; remove such points or drop them with drop_invalid (--drop-invalid)",
+        position[0], position[1], position[2]
+    )]
+    NotFinite {
+        /// The first such point of the stream.
+        point_id: i64,
+        /// Its coordinates.
+        position: [f64; 3],
+    },
+    /// A live source went backwards along the direction of its spans.
+    #[error(
+        "point {point_id} goes back along the direction of the spans, from slab {from} to slab {to}; a live source has to be sorted along it: use spans by count or time, or give the cloud as a file or an array"
+    )]
+    NotSorted {
+        /// The first point that goes back.
+        point_id: i64,
+        /// The slab under way.
+        from: i64,
+        /// The slab the point lies in.
+        to: i64,
+    },
+    /// A segmentor returned something that are not labels of its window.
+    #[error("segmentor '{segmentor}' {problem}")]
+    Labels {
+        /// The segmentor's name.
+        segmentor: String,
+        /// What is wrong with its answer.
+        problem: String,
+    },
+    /// A segmentor came to a stop that is a defect of its own.
+    #[error("segmentor '{segmentor}' failed in window {window}: {message}; this is a defect, please report it")]
+    Panicked {
+        /// The segmentor's name.
+        segmentor: String,
+        /// The window it was working on.
+        window: u64,
+        /// What it said.
+        message: String,
+    },
+    /// The spool on disk could not be written or read.
+    #[error("the spool in {folder} could not be {doing}: {cause}; free some space or set TMPDIR to another folder")]
+    Spool {
+        /// Where the spool lies.
+        folder: String,
+        /// "written" or "read".
+        doing: &'static str,
+        /// The system's answer.
+        cause: io::Error,
+    },
+    /// The source or a caller's segmentor failed; its own error passes through untouched.
+    #[error(transparent)]
+    Foreign(#[from] Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl Error {
+    pub(crate) fn parameter(name: &'static str, given: impl ToString, allowed: &'static str) -> Self {
+        Error::InvalidParameter { name, given: given.to_string(), allowed }
+    }
+
+    pub(crate) fn spool(doing: &'static str, cause: io::Error) -> Self {
+        Error::Spool { folder: std::env::temp_dir().display().to_string(), doing, cause }
+    }
+}
+
+/// What the core's fallible functions return.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Accepts a length, duration or the like that has to be a finite number above zero.
+pub(crate) fn positive(name: &'static str, value: f64) -> Result<f64> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Error::parameter(name, value, "a finite number above 0"))
+    }
+}
+
+/// Accepts a count that has to be at least one.
+pub(crate) fn at_least_one(name: &'static str, value: usize) -> Result<usize> {
+    if value >= 1 { Ok(value) } else { Err(Error::parameter(name, value, "a whole number of at least 1")) }
+}

@@ -1,0 +1,114 @@
+//! Labels, which mean something inside one window, and segment ids, which mean the same along the whole stream.
+
+use std::collections::HashMap;
+
+/// A number that means the same along the whole stream: from 1 upward in window order, never reused.
+pub type SegmentId = i64;
+
+/// No segment, no successor, no label.
+pub const NONE: i64 = -1;
+
+/// One label per point of a window, in the canonical numbering: 0, 1, 2 … in the order in which a label first occurs.
+///
+/// Canonical labels depend on the partition and on the order of the points only, so they are the same for any number
+/// of threads and any way in which a segmentor came to its partition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Labels {
+    of_point: Vec<i32>,
+    count: u32,
+}
+
+impl Labels {
+    /// Labels that are numbered in any way; [`NONE`] stays none.
+    pub fn from_any(labels: &[i64]) -> Self {
+        let mut canonical = Renumbering::default();
+        let of_point = labels.iter().map(|&label| canonical.number(label)).collect();
+        Self { of_point, count: canonical.count() }
+    }
+
+    /// Labels from the representative of each point, a number below `representatives`.
+    pub fn from_representatives(of_point: impl ExactSizeIterator<Item = u32>, representatives: usize) -> Self {
+        let mut number = vec![NONE as i32; representatives];
+        let mut count = 0;
+        let of_point = of_point
+            .map(|representative| {
+                let label = &mut number[representative as usize];
+                if *label == NONE as i32 {
+                    *label = count;
+                    count += 1;
+                }
+                *label
+            })
+            .collect();
+        Self { of_point, count: count as u32 }
+    }
+
+    /// The label of each point; −1 = none.
+    pub fn of_points(&self) -> &[i32] {
+        &self.of_point
+    }
+
+    /// How many different labels there are.
+    pub fn count(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Spreads the labels of some of `points` points over all of them: the others get none.
+    pub(crate) fn spread(self, over: &[u32], points: usize) -> Self {
+        let mut of_point = vec![NONE as i32; points];
+        for (&position, label) in over.iter().zip(self.of_point) {
+            of_point[position as usize] = label;
+        }
+        Self { of_point, count: self.count }
+    }
+}
+
+/// Numbers arbitrary labels in the order in which they first occur.
+#[derive(Default)]
+struct Renumbering {
+    number: HashMap<i64, i32>,
+    last: Option<(i64, i32)>,
+}
+
+impl Renumbering {
+    fn number(&mut self, label: i64) -> i32 {
+        if label == NONE {
+            return NONE as i32;
+        }
+        // Neighbours in a span mostly carry the same label.
+        if let Some((last, number)) = self.last
+            && last == label
+        {
+            return number;
+        }
+        let next = self.number.len() as i32;
+        let number = *self.number.entry(label).or_insert(next);
+        self.last = Some((label, number));
+        number
+    }
+
+    fn count(&self) -> u32 {
+        self.number.len() as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_numbered_by_first_occurrence() {
+        let labels = Labels::from_any(&[70, -1, 3, 70, 9, 3]);
+        assert_eq!(labels.of_points(), [0, -1, 1, 0, 2, 1]);
+        assert_eq!(labels.count(), 3);
+        let same = Labels::from_representatives([4, 2, 4, 0].into_iter(), 5);
+        assert_eq!(same.of_points(), [0, 1, 0, 2]);
+    }
+
+    #[test]
+    fn points_left_out_get_no_label() {
+        let labels = Labels::from_any(&[5, 6]).spread(&[1, 3], 4);
+        assert_eq!(labels.of_points(), [-1, 0, -1, 1]);
+        assert_eq!(labels.count(), 2);
+    }
+}

@@ -1,0 +1,173 @@
+//! The lattice that stored coordinates lie on, and the one rule that says whether two points are within a distance.
+//!
+//! LAS keeps coordinates as integers times a scale plus an offset. Integers are exact in `f64`, also after subtraction
+//! and squaring at these sizes, while `integer · scale + offset` at UTM size is not: a pair at exactly the distance
+//! would be decided by rounding. So the core computes on lattice coordinates and a pair at exactly the distance is
+//! joined, always. Coordinates that come as real numbers may have been such integers once; for them the rounding of
+//! the coordinates themselves (half a unit in the last place each) is granted to the pair.
+
+use crate::error::{Error, Result};
+
+/// `real = lattice · scale + offset`, per axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lattice {
+    scale: [f64; 3],
+    offset: [f64; 3],
+    /// Whether lattice coordinates are whole numbers.
+    whole: bool,
+}
+
+/// Coordinates beyond this are refused: their squares would lose their meaning.
+const LARGEST_COORDINATE: f64 = 1e60;
+
+/// Relative slack on a squared distance. It outweighs the rounding of `d²`, of the scale and of three products (some
+/// 1e-15) and stays below one lattice step for distances up to 10⁶ steps.
+const SQUARED_SLACK: f64 = 1e-12;
+
+impl Lattice {
+    /// Real coordinates, on no lattice that we know of.
+    pub const REAL: Lattice = Lattice { scale: [1.0; 3], offset: [0.0; 3], whole: false };
+
+    /// The lattice of whole numbers times `scale` plus `offset`.
+    ///
+    /// # Errors
+    /// If a scale is not a finite number above 0 or an offset is not finite.
+    pub fn new(scale: [f64; 3], offset: [f64; 3]) -> Result<Self> {
+        for s in scale {
+            crate::error::positive("scale", s)?;
+        }
+        for o in offset {
+            if !o.is_finite() {
+                return Err(Error::parameter("offset", o, "a finite number"));
+            }
+        }
+        Ok(Self { scale, offset, whole: true })
+    }
+
+    /// Real units per lattice step, per axis.
+    pub fn scale(&self) -> [f64; 3] {
+        self.scale
+    }
+
+    /// The real coordinates of the lattice's zero.
+    pub fn offset(&self) -> [f64; 3] {
+        self.offset
+    }
+
+    /// Whether coordinates are whole numbers of steps.
+    pub fn is_whole(&self) -> bool {
+        self.whole
+    }
+
+    /// The real coordinates of a point; bit for bit what LAS readers compute.
+    #[inline]
+    pub fn real(&self, point: &[f64; 3]) -> [f64; 3] {
+        if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
+    }
+
+    /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
+    /// have equal bits.
+    #[inline]
+    pub(crate) fn horizontal(&self, point: &[f64; 3]) -> [f64; 2] {
+        let scale = if self.scale[0] == self.scale[1] { [1.0; 2] } else { [self.scale[0], self.scale[1]] };
+        // Adding zero makes 0 of −0.
+        [point[0] * scale[0] + 0.0, point[1] * scale[1] + 0.0]
+    }
+}
+
+/// Whether a position can be computed with.
+#[inline]
+pub fn is_valid(position: &[f64; 3]) -> bool {
+    // NaN fails every comparison.
+    position.iter().all(|c| c.abs() <= LARGEST_COORDINATE)
+}
+
+/// Which coordinates count for a distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Metric {
+    /// Length in space.
+    #[default]
+    Xyz,
+    /// Length on the map.
+    Xy,
+}
+
+/// Decides whether two points lie within a distance of each other.
+#[derive(Debug, Clone, Copy)]
+pub struct Within {
+    distance: f64,
+    squared: f64,
+    scale: [f64; 3],
+    rounding: bool,
+}
+
+impl Within {
+    /// Within `distance` (in real units) under `metric`, for points on `lattice`.
+    pub fn new(distance: f64, metric: Metric, lattice: &Lattice) -> Self {
+        let mut scale = lattice.scale;
+        if metric == Metric::Xy {
+            scale[2] = 0.0;
+        }
+        Self { distance, squared: distance * distance * (1.0 + SQUARED_SLACK), scale, rounding: !lattice.whole }
+    }
+
+    /// Whether the pair is joined; a pair at exactly the distance is.
+    #[inline]
+    pub fn pair(&self, a: &[f64; 3], b: &[f64; 3]) -> bool {
+        let squared = self.squared_length(a, b);
+        // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
+        // coarse for the distance altogether.
+        squared <= self.squared
+            || (self.rounding && squared <= 4.0 * self.squared && self.pair_but_for_rounding(a, b, squared))
+    }
+
+    #[inline]
+    fn squared_length(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {
+        let d: [f64; 3] = std::array::from_fn(|k| (a[k] - b[k]) * self.scale[k]);
+        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    }
+
+    /// The difference of two rounded coordinates is off by at most one unit in the last place of the larger one.
+    fn pair_but_for_rounding(&self, a: &[f64; 3], b: &[f64; 3], squared: f64) -> bool {
+        let mut off = 0.0;
+        for k in 0..3 {
+            let unit = a[k].abs().max(b[k].abs()) * f64::EPSILON * self.scale[k];
+            off += unit * unit;
+        }
+        squared.sqrt() - off.sqrt() <= self.distance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_at_exactly_the_distance_is_joined_on_a_lattice() {
+        // 0.6 m at 1 cm: 36² + 48² = 60², though 0.36² + 0.48² > 0.6² in floating point at UTM size.
+        let lattice = Lattice::new([0.01; 3], [500_000.0, 5_400_000.0, 0.0]).unwrap();
+        let within = Within::new(0.6, Metric::Xyz, &lattice);
+        assert!(within.pair(&[0.0, 0.0, 0.0], &[36.0, 48.0, 0.0]));
+        assert!(!within.pair(&[0.0, 0.0, 0.0], &[36.0, 48.0, 1.0]));
+        assert!(Within::new(0.6, Metric::Xy, &lattice).pair(&[0.0, 0.0, 0.0], &[36.0, 48.0, 1.0]));
+    }
+
+    #[test]
+    fn real_coordinates_are_granted_their_rounding_and_no_more() {
+        let real = |x: i64, y: i64| [x as f64 * 0.01 + 500_000.0, y as f64 * 0.01 + 5_400_000.0, 0.0];
+        let within = Within::new(0.6, Metric::Xyz, &Lattice::REAL);
+        for i in 0..5_000 {
+            let (x, y) = (i * 7919 % 100_003, i * 104_729 % 99_991);
+            assert!(within.pair(&real(x, y), &real(x + 36, y + 48)), "point ({x}, {y})");
+            assert!(!within.pair(&real(x, y), &real(x + 36, y + 49)), "point ({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn invalid_positions_are_told() {
+        assert!(is_valid(&[0.0, -5e6, 1e12]));
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e61] {
+            assert!(!is_valid(&[0.0, bad, 0.0]));
+        }
+    }
+}

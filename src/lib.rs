@@ -1,0 +1,54 @@
+//! Segments point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.
+//!
+//! The modules, in the order in which data flows:
+//!
+//! | module | what comes in → what goes out |
+//! |---|---|
+//! | [`span`] | a cloud, in chunks → spans |
+//! | [`window`] | spans → windows that slide over them |
+//! | [`neighborhood`] | the points of a window → who is near whom |
+//! | [`segmentor`] | a window → one label per point |
+//! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
+//! | [`pipeline`] | all of it, as an iterator |
+//! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
+//!
+//! ```
+//! use std::sync::Arc;
+//! use streamseg::crew::Crew;
+//! use streamseg::lattice::{Lattice, Metric};
+//! use streamseg::pipeline::Pipeline;
+//! use streamseg::segmentor::Proximity;
+//! use streamseg::span::{Chunk, Source, SpanBy, spans_of};
+//! use streamseg::window::WindowSize;
+//!
+//! // Two rows of points, 10 apart, in chunks of 100.
+//! let rows = (0..1000).map(|i| [f64::from(i / 2), f64::from(10 * (i % 2)), 0.0]);
+//! let points: Vec<[f64; 3]> = rows.collect();
+//! let chunks: Vec<_> = points.chunks(100).map(|c| Ok(Chunk { points: c.to_vec(), attributes: vec![] })).collect();
+//!
+//! let spans = spans_of(chunks.into_iter(), SpanBy::Count { points: 50 }, &Lattice::REAL, Source::Live)?;
+//! let segmentor = Arc::new(Proximity::new(1.5, Metric::Xyz)?);
+//! let pipeline = Pipeline::new(spans, Lattice::REAL, segmentor, WindowSize::default(), Crew::new(1)?);
+//! for span in pipeline {
+//!     let ids = span?.segmented.carried_ids;
+//!     assert!(ids.iter().enumerate().all(|(i, &id)| id == 1 + i as i64 % 2));
+//! }
+//! # Ok::<(), streamseg::error::Error>(())
+//! ```
+
+pub mod crew;
+pub mod error;
+pub mod label;
+pub mod lattice;
+pub mod neighborhood;
+pub mod pipeline;
+pub mod segmentor;
+pub mod settlement;
+pub mod span;
+pub mod union_find;
+pub mod weaver;
+pub mod window;
+
+#[cfg(feature = "python")]
+mod python;
+mod sync;

@@ -1,0 +1,150 @@
+//! The 2-D Delaunay neighborhood of a window (Delaunay 1934), triangulated by spade.
+//!
+//! 1. Put the points in the order of a space-filling curve; points with equal xy (walls, several returns of a pulse,
+//!    quantised data) become one *stack*, which every triangulator would silently thin out to one point.
+//! 2. Triangulate one vertex per stack, inserting in curve order: on real clouds that is 1.2 to 1.5 times as fast as
+//!    spade's bulk load.
+//! 3. Hand out the triangulation's edges as pairs of stacks.
+//!
+//! Stacks that all lie on one line have no triangulation, and spade takes quadratic time on them. Their Delaunay edges
+//! are the pairs of consecutive stacks along the line. For the same reason the first three vertices of a triangulation
+//! are chosen not to lie on one line.
+
+use std::ops::Range;
+
+use robust::{Coord, orient2d};
+use spade::handles::DirectedEdgeHandle;
+use spade::{DelaunayTriangulation, Point2, Triangulation};
+
+use super::certificate::Loaded;
+use super::curve::curve_order;
+
+/// Which points of a window share a place on the map, and which places are Delaunay neighbors.
+pub struct Delaunay {
+    order: Vec<u32>,
+    /// Where each stack starts in `order`, and the end of the last.
+    starts: Vec<u32>,
+    edges: Edges,
+}
+
+enum Edges {
+    /// Stacks along a line with their places, consecutive ones being neighbors.
+    Line(Vec<(u32, [f64; 2])>),
+    /// A triangulation, and the stack of each of its vertices.
+    Triangles { triangulation: Box<DelaunayTriangulation<Point2<f64>>>, first: [u32; 3] },
+}
+
+impl Delaunay {
+    /// The neighborhood of points whose horizontal positions are `horizontal` and whose heights order the stacks.
+    pub fn new(horizontal: &[[f64; 2]], height: impl Fn(u32) -> f64) -> Self {
+        let order = curve_order(horizontal, height);
+        let position = |at: u32| horizontal[order[at as usize] as usize];
+        let mut starts: Vec<u32> = Vec::with_capacity(order.len() + 1);
+        for at in 0..order.len() as u32 {
+            if at == 0 || position(at) != position(at - 1) {
+                starts.push(at);
+            }
+        }
+        let stacks: Vec<[f64; 2]> = starts.iter().map(|&at| position(at)).collect();
+        starts.push(order.len() as u32);
+        let edges = match corner(&stacks) {
+            None => Edges::Line(along_line(&stacks)),
+            Some(corner) => triangulate(&stacks, corner),
+        };
+        Self { order, starts, edges }
+    }
+
+    /// The numbers of all points, stack by stack.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The stacks, as ranges of [`Self::order`], inside which points are in ascending order of height.
+    pub fn stacks(&self) -> impl Iterator<Item = Range<usize>> {
+        (0..self.starts.len() as u32 - 1).map(|stack| self.stack(stack))
+    }
+
+    fn stack(&self, stack: u32) -> Range<usize> {
+        self.starts[stack as usize] as usize..self.starts[stack as usize + 1] as usize
+    }
+
+    /// Calls `visit` once for every pair of neighboring stacks.
+    pub fn for_each_edge(&self, mut visit: impl FnMut(Range<usize>, Range<usize>, Edge<'_>)) {
+        match &self.edges {
+            Edges::Line(line) => {
+                for pair in line.windows(2) {
+                    let [(a, from), (b, to)] = [pair[0], pair[1]];
+                    visit(self.stack(a), self.stack(b), Edge::OfLine(from, to));
+                }
+            }
+            Edges::Triangles { triangulation, first } => {
+                let corner = first[2];
+                // Vertices are numbered as they were inserted: three first ones, then all others in order.
+                let stack_of = |vertex: usize| match vertex as u32 {
+                    vertex if vertex < 3 => first[vertex as usize],
+                    vertex if vertex <= corner => vertex - 1,
+                    vertex => vertex,
+                };
+                for edge in triangulation.undirected_edges() {
+                    let [a, b] = edge.vertices().map(|vertex| stack_of(vertex.index()));
+                    visit(self.stack(a), self.stack(b), Edge::OfTriangles(edge.as_directed()));
+                }
+            }
+        }
+    }
+}
+
+/// What is known of an edge besides the stacks at its ends.
+pub enum Edge<'a> {
+    /// An edge between consecutive places of a line.
+    OfLine([f64; 2], [f64; 2]),
+    /// An edge between two triangles, or on the hull.
+    OfTriangles(DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>),
+}
+
+impl Edge<'_> {
+    /// Whether the edge stays an edge whatever points come from outside of what was loaded.
+    pub fn is_final(&self, loaded: &Loaded) -> bool {
+        match self {
+            Edge::OfLine(from, to) => loaded.proves(*from, *to, None, None),
+            Edge::OfTriangles(edge) => {
+                let place = |point: Point2<f64>| [point.x, point.y];
+                let [from, to] = edge.positions().map(place);
+                let (left, right) = (edge.opposite_position(), edge.rev().opposite_position());
+                loaded.proves(from, to, left.map(place), right.map(place))
+            }
+        }
+    }
+}
+
+/// The first stack that does not lie on the line through the first two.
+fn corner(stacks: &[[f64; 2]]) -> Option<u32> {
+    let coord = |p: [f64; 2]| Coord { x: p[0], y: p[1] };
+    let [first, second, ..] = stacks else { return None };
+    let (a, b) = (coord(*first), coord(*second));
+    stacks.iter().position(|&p| orient2d(a, b, coord(p)) != 0.0).map(|at| at as u32)
+}
+
+/// Stacks on one line, sorted along it.
+fn along_line(stacks: &[[f64; 2]]) -> Vec<(u32, [f64; 2])> {
+    let mut line: Vec<(u32, [f64; 2])> = (0..).zip(stacks.iter().copied()).collect();
+    line.sort_unstable_by(|(_, p), (_, q)| p[0].total_cmp(&q[0]).then_with(|| p[1].total_cmp(&q[1])));
+    line
+}
+
+fn triangulate(stacks: &[[f64; 2]], corner: u32) -> Edges {
+    let first = [0, 1, corner];
+    // Euler: a triangulation of n vertices has fewer than 3 n edges and 2 n faces.
+    let mut triangulation = DelaunayTriangulation::with_capacity(stacks.len(), 3 * stacks.len(), 2 * stacks.len());
+    let others = (2..stacks.len() as u32).filter(|&stack| stack != corner);
+    for stack in first.into_iter().chain(others) {
+        let [x, y] = stacks[stack as usize].map(spade_coordinate);
+        triangulation.insert(Point2::new(x, y)).expect("window points are finite and within spade's range");
+    }
+    Edges::Triangles { triangulation: Box::new(triangulation), first }
+}
+
+/// Spade refuses coordinates nearer to zero than 2⁻¹⁴²; at such a size only zero is meant.
+fn spade_coordinate(coordinate: f64) -> f64 {
+    if coordinate.abs() < spade::MIN_ALLOWED_VALUE { 0.0 } else { coordinate }
+}

@@ -1,0 +1,270 @@
+//! The framework's figure as code: spans → windows → SEGMENTOR → WEAVER → spans with segment ids.
+//!
+//! Source: moving-window segmentation (ISPRS Annals I-3, 2012, figure 1). [`Pipeline`] is an iterator: it asks the source
+//! for a span only when it needs one. With one thread a span's labels come out as soon as the windows that could still
+//! change its scope have been woven; each further thread reads one window ahead.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::crew::{Crew, Job};
+use crate::error::{Error, Result};
+use crate::label::{Labels, SegmentId};
+use crate::lattice::Lattice;
+use crate::segmentor::Segmentor;
+use crate::span::{Span, Spans};
+use crate::weaver::{Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::window::{Slider, Window, WindowSize};
+
+/// Called now and then with the progress so far; its error interrupts the run.
+pub type LookUp = Box<dyn FnMut(&Progress) -> Result<()> + Send>;
+
+/// Streams spans through a segmentor and the weaver.
+pub struct Pipeline {
+    spans: Option<Spans>,
+    slider: Slider,
+    segmentor: Arc<dyn Segmentor>,
+    crew: Crew,
+    under_way: VecDeque<SegmentedWindow>,
+    weaver: Weaver,
+    /// Spans of woven windows, in scope.
+    live: VecDeque<Arc<Span>>,
+    ready: VecDeque<Outgoing>,
+    woven: VecDeque<WovenWindow>,
+    failure: Option<Error>,
+    finished: bool,
+    look_up: LookUp,
+    progress: Progress,
+}
+
+/// A span that went out of scope, and what is known of it.
+#[derive(Debug)]
+pub struct Outgoing {
+    /// The span as it came in.
+    pub span: Arc<Span>,
+    /// What the weaver knows of it.
+    pub segmented: EvictedSpan,
+}
+
+/// What became of a window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WovenWindow {
+    /// Number of the window.
+    pub index: u64,
+    /// Its first span.
+    pub first_span: u64,
+    /// How many spans it has.
+    pub spans: usize,
+    /// How many points they have.
+    pub points: usize,
+    /// The id of its first segment; the others follow.
+    pub first_segment_id: SegmentId,
+    /// How many segments it has.
+    pub segments: usize,
+}
+
+/// How far the run is.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Progress {
+    /// Points that have come out.
+    pub points: u64,
+    /// Windows woven.
+    pub windows: u64,
+    /// Segments in scope.
+    pub live_segments: usize,
+    /// Raw segment ids given.
+    pub segment_ids: i64,
+    /// Time the weaver has taken.
+    pub weaving: Duration,
+}
+
+struct SegmentedWindow {
+    index: u64,
+    spans: Vec<Arc<Span>>,
+    labels: Job<Result<Labels>>,
+}
+
+impl Pipeline {
+    /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`.
+    pub fn new(
+        spans: Spans,
+        lattice: Lattice,
+        segmentor: Arc<dyn Segmentor>,
+        size: WindowSize,
+        crew: Crew,
+    ) -> Self {
+        Self {
+            spans: Some(spans),
+            slider: Slider::new(size, lattice),
+            segmentor,
+            crew,
+            under_way: VecDeque::new(),
+            weaver: Weaver::default(),
+            live: VecDeque::new(),
+            ready: VecDeque::new(),
+            woven: VecDeque::new(),
+            failure: None,
+            finished: false,
+            look_up: Box::new(|_| Ok(())),
+            progress: Progress::default(),
+        }
+    }
+
+    /// Has `look_up` called at least once a window; its error interrupts the run, which can then go on or be stopped.
+    #[must_use]
+    pub fn with_look_up(mut self, look_up: impl FnMut(&Progress) -> Result<()> + Send + 'static) -> Self {
+        self.look_up = Box::new(look_up);
+        self
+    }
+
+    /// Asks the source for no further span: those that have come are segmented and come out, then the stream ends.
+    pub fn stop(&mut self) {
+        self.spans = None;
+    }
+
+    /// The windows woven since this was last asked.
+    pub fn take_woven(&mut self) -> Vec<WovenWindow> {
+        self.woven.drain(..).collect()
+    }
+
+    /// How far the run is.
+    pub fn progress(&self) -> Progress {
+        self.progress
+    }
+
+    /// The log of joins, which turns raw and carried ids into final ones after the end.
+    pub fn aliases(&mut self) -> &mut Aliases {
+        self.weaver.aliases()
+    }
+
+    /// The weaver's tables, to be counted.
+    pub fn weaver(&self) -> &Weaver {
+        &self.weaver
+    }
+
+    /// One step of the figure; whether there is more to do.
+    fn step(&mut self) -> Result<bool> {
+        (self.look_up)(&self.progress)?;
+        if self.under_way.len() < self.crew.threads() && self.take_in_span() {
+            return Ok(true);
+        }
+        if !self.under_way.is_empty() {
+            self.weave_window()?;
+            return Ok(true);
+        }
+        let left = self.weaver.finish();
+        self.hand_out(left);
+        self.finished = true;
+        Ok(false)
+    }
+
+    /// Takes the next span in and has a window segmented when it is complete; whether there was a span.
+    fn take_in_span(&mut self) -> bool {
+        let window = match self.spans.as_mut().and_then(Iterator::next) {
+            Some(Ok(span)) => self.slider.push(span),
+            ended => {
+                // After a failure, all that had come is still segmented; the failure is told at the very end.
+                self.failure = ended.and_then(Result::err);
+                self.spans = None;
+                match self.slider.finish() {
+                    None => return false,
+                    last => last,
+                }
+            }
+        };
+        if let Some(window) = window {
+            self.segment_window(window);
+        }
+        true
+    }
+
+    fn segment_window(&mut self, window: Window) {
+        let segmentor = Arc::clone(&self.segmentor);
+        let (index, spans) = (window.index(), window.spans().to_vec());
+        let labels = self.crew.start(move || {
+            let labels = segmentor.segment(&window)?;
+            Ok(match window.valid() {
+                Some(valid) => labels.spread(valid, window.len()),
+                None => labels,
+            })
+        });
+        self.under_way.push_back(SegmentedWindow { index, spans, labels });
+    }
+
+    fn weave_window(&mut self) -> Result<()> {
+        let Some(first) = self.under_way.front_mut() else { return Ok(()) };
+        let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
+        let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
+        let labels = match labels {
+            Ok(Ok(labels)) => labels,
+            failed => {
+                self.fail(index, failed.map(Result::err));
+                return Ok(());
+            }
+        };
+        let begun = Instant::now();
+        let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
+        let first_span = spans.first().map_or(0, |span| span.index);
+        let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels };
+        let first_segment_id = self.weaver.next_id();
+        let evicted = self.weaver.weave(&window, &self.crew)?;
+        self.progress.weaving += begun.elapsed();
+        self.woven.push_back(WovenWindow {
+            index,
+            first_span,
+            spans: spans.len(),
+            points: span_points.iter().sum(),
+            first_segment_id,
+            segments: labels.count(),
+        });
+        self.hand_out(evicted);
+        let known = self.live.back().map_or(0, |span| span.index + 1);
+        self.live.extend(spans.into_iter().filter(|span| span.index >= known));
+        self.progress.windows += 1;
+        self.progress.segment_ids = self.weaver.next_id() - 1;
+        Ok(())
+    }
+
+    /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
+    fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
+        self.failure = match answer {
+            Ok(error) => error,
+            Err(message) => {
+                Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message })
+            }
+        };
+        self.spans = None;
+        self.under_way.clear();
+        // The spans of a window that will never come.
+        let _ = self.slider.finish();
+    }
+
+    fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
+        for segmented in evicted {
+            if let Some(span) = self.live.pop_front() {
+                self.progress.points += span.len() as u64;
+                self.ready.push_back(Outgoing { span, segmented });
+            }
+        }
+        self.progress.live_segments = self.weaver.live_segments();
+    }
+}
+
+impl Iterator for Pipeline {
+    type Item = Result<Outgoing>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(span) = self.ready.pop_front() {
+                return Some(Ok(span));
+            }
+            if self.finished {
+                return self.failure.take().map(Err);
+            }
+            if let Err(error) = self.step() {
+                return Some(Err(error));
+            }
+        }
+    }
+}

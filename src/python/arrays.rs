@@ -1,0 +1,113 @@
+//! NumPy arrays to chunks and back, with the wording of everything that can be wrong with them.
+
+use numpy::{
+    AllowTypeChange, Element, IntoPyArray, PyArray2, PyArrayLike1, PyArrayLikeDyn, PyArrayMethods,
+    PyUntypedArrayMethods,
+};
+use pyo3::intern;
+use pyo3::prelude::*;
+
+use super::errors::InvalidInput;
+use crate::error::Error;
+use crate::lattice::Lattice;
+use crate::span::Chunk;
+
+/// Positions from anything NumPy can make an (n, 3) float64 array of.
+pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+    let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> = points.extract().map_err(|cause| {
+        let given = points.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
+        InvalidInput::new_err(format!("points is a {given} that is no array of numbers ({cause}), expected shape (n, 3)"))
+    })?;
+    // An empty list is an empty cloud.
+    if array.len() == 0 {
+        return Ok(Vec::new());
+    }
+    if array.ndim() != 2 || array.shape()[1] != 3 {
+        let shape: Vec<String> = array.shape().iter().map(ToString::to_string).collect();
+        let comma = if shape.len() == 1 { "," } else { "" };
+        let shape = shape.join(", ");
+        return Err(InvalidInput::new_err(format!("points has shape ({shape}{comma}), expected (n, 3): x, y and z")));
+    }
+    if let Ok(values) = array.as_slice() {
+        return Ok(bytemuck::cast_slice(values).to_vec());
+    }
+    let view = array.as_array();
+    Ok(view.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+/// The values of attributes, one array per name.
+fn attributes(values: &Bound<'_, PyAny>, names: &[&str], points: usize) -> PyResult<Vec<Vec<f64>>> {
+    names
+        .iter()
+        .zip(values.try_iter()?)
+        .map(|(name, value)| {
+            let value: PyArrayLike1<'_, f64, AllowTypeChange> = value?.extract()?;
+            let value: Vec<f64> = value.as_array().iter().copied().collect();
+            if value.len() == points {
+                Ok(value)
+            } else {
+                let given = value.len();
+                Err(InvalidInput::new_err(format!("{name} has {given} values, expected {points}: one per point")))
+            }
+        })
+        .collect()
+}
+
+/// The chunks of a Python iterator of `(points, attributes)`, one array in `attributes` per name.
+pub(super) struct PyChunks {
+    chunks: Py<PyAny>,
+    names: &'static [&'static str],
+}
+
+impl PyChunks {
+    pub(super) fn new(chunks: &Bound<'_, PyAny>, names: &'static [&'static str]) -> PyResult<Self> {
+        Ok(Self { chunks: chunks.try_iter()?.into_any().unbind(), names })
+    }
+
+    fn chunk(&self, item: &Bound<'_, PyAny>) -> PyResult<Chunk> {
+        let (points, values): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+        let points = positions(&points)?;
+        let attributes = attributes(&values, self.names, points.len())?;
+        Ok(Chunk { points, attributes })
+    }
+}
+
+impl Iterator for PyChunks {
+    type Item = Result<Chunk, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Python::attach(|py| {
+            let chunks = self.chunks.bind(py);
+            let item = chunks.try_iter().and_then(|mut chunks| chunks.next().transpose());
+            match item {
+                Ok(None) => None,
+                Ok(Some(item)) => Some(self.chunk(&item).map_err(Error::from)),
+                Err(exception) => Some(Err(exception.into())),
+            }
+        })
+    }
+}
+
+/// An (n, 3) array of real coordinates.
+pub(super) fn real_positions<'py>(
+    py: Python<'py>,
+    points: &[[f64; 3]],
+    lattice: &Lattice,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let real: Vec<[f64; 3]> = points.iter().map(|point| lattice.real(point)).collect();
+    rows(py, real)
+}
+
+/// An (n, N) array.
+pub(super) fn rows<T: Element, const N: usize>(
+    py: Python<'_>,
+    rows: Vec<[T; N]>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let shape = [rows.len(), N];
+    rows.into_flattened().into_pyarray(py).reshape(shape)
+}
+
+/// Makes an array unwritable, so that what is shared stays what it is.
+pub(super) fn read_only(array: &Bound<'_, PyAny>) -> PyResult<()> {
+    array.getattr(intern!(array.py(), "flags"))?.setattr(intern!(array.py(), "writeable"), false)
+}

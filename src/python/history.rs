@@ -1,0 +1,50 @@
+//! The replay of a history as a Python object.
+
+use std::sync::Mutex;
+
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use super::stream::PySettlement;
+use crate::error::Error;
+use crate::weaver::Replay;
+
+/// Replays the parts of a history, in order, into a settlement.
+#[pyclass(frozen, name = "Replay", module = "streamseg._core")]
+pub struct PyReplay(Mutex<Replay>);
+
+#[pymethods]
+impl PyReplay {
+    #[new]
+    fn new(last_segment_id: i64) -> Self {
+        Self(Mutex::new(Replay::new(last_segment_id)))
+    }
+
+    /// Takes in one part: rows of the segment-segment table, and raw ids of points; returns carried ids and where the
+    /// log of joins stands.
+    fn part<'py>(
+        &self,
+        py: Python<'py>,
+        segment_ids: PyReadonlyArray1<'py, i64>,
+        next_segment_ids: PyReadonlyArray1<'py, i64>,
+        raw_ids: PyReadonlyArray1<'py, i64>,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, u64)> {
+        let (segments, next) = (segment_ids.as_array(), next_segment_ids.as_array());
+        let rows: Vec<[i64; 2]> = segments.iter().zip(next).map(|(&id, &next)| [id, next]).collect();
+        let mut ids: Vec<i64> = raw_ids.as_array().iter().copied().collect();
+        let position = py.detach(|| self.lock().part(&rows, &mut ids))?;
+        Ok((ids.into_pyarray(py), position))
+    }
+
+    /// Makes the ids of a settlement final.
+    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
+        Ok(py.detach(|| -> Result<(), Error> { settlement.lock().settle(self.lock().aliases()) })?)
+    }
+}
+
+impl PyReplay {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Replay> {
+        // A poisoned lock means a panic in the core, which has been reported; what it guards is still consistent.
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,324 @@
+//! The pipeline as a Python iterator of spans.
+
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use super::arrays::{PyChunks, read_only, real_positions, rows};
+use super::errors::StreamsegError;
+use super::segmentors::segmentor;
+use super::spans::{PyWindowSize, span_by};
+use crate::crew::Crew;
+use crate::error::Error;
+use crate::lattice::Lattice;
+use crate::pipeline::{Outgoing, Pipeline, Progress};
+use crate::settlement::{Settled, Settlement};
+use crate::span::{Invalid, Source, Span, checked, spans_of};
+
+/// Streams chunks through spans, windows, segmentor and weaver.
+#[pyclass(frozen, name = "Pipeline", module = "streamseg._core")]
+pub struct PyPipeline {
+    pipeline: Mutex<Pipeline>,
+    lattice: Lattice,
+    /// The exactness class of the run: "A", "B" or "C".
+    #[pyo3(get)]
+    exactness: char,
+    /// Whether streamed and static are sure to be the same partition.
+    #[pyo3(get)]
+    is_identical: bool,
+    /// One sentence on how the result relates to the static one.
+    #[pyo3(get)]
+    promise: String,
+    /// One sentence, if the spans break the segmentor's condition.
+    #[pyo3(get)]
+    warning: Option<String>,
+    /// The segmentor's name.
+    #[pyo3(get)]
+    segmentor: String,
+}
+
+#[pymethods]
+impl PyPipeline {
+    #[new]
+    #[pyo3(signature = (chunks, segmentor, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress))]
+    #[allow(clippy::too_many_arguments)] // one keyword each for Python
+    fn new(
+        chunks: &Bound<'_, PyAny>,
+        segmentor: &Bound<'_, PyAny>,
+        spans: Option<&Bound<'_, PyAny>>,
+        window: &PyWindowSize,
+        stored: bool,
+        scale: Option<[f64; 3]>,
+        offset: Option<[f64; 3]>,
+        threads: usize,
+        drop_invalid: bool,
+        on_progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let segmentor = self::segmentor(segmentor)?;
+        let by = span_by(spans)?;
+        let lattice = match (scale, offset) {
+            (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
+            _ => Lattice::REAL,
+        };
+        let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
+        let source = if stored { Source::Stored } else { Source::Live };
+        let chunks = checked(PyChunks::new(chunks, by.attributes())?, invalid);
+        let spans = spans_of(chunks, by, &lattice, source)?;
+        let crew = Crew::new(if segmentor.is_concurrent() { threads } else { threads.min(1) })?;
+        let assessment = segmentor.exactness().assess(by, window.0, &lattice);
+        let name = segmentor.name().to_string();
+        let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
+            .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+        Ok(Self {
+            pipeline: Mutex::new(pipeline),
+            lattice,
+            exactness: assessment.class,
+            is_identical: assessment.is_identical,
+            promise: assessment.sentence,
+            warning: assessment.warning,
+            segmentor: name,
+        })
+    }
+
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<PySpan>> {
+        match py.detach(|| -> PyResult<_> { Ok(self.lock()?.next().transpose()?) })? {
+            Some(outgoing) => PySpan::new(py, outgoing, self.lattice).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Asks the source for no further span; those that have come are still segmented and come out.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.lock().map(|mut pipeline| pipeline.stop()))
+    }
+
+    /// Turns raw or carried ids, (n,) int64, into final ids; after the end.
+    fn resolve<'py>(&self, py: Python<'py>, ids: PyReadonlyArray1<'py, i64>) -> PyResult<Bound<'py, PyArray1<i64>>> {
+        let mut ids: Vec<i64> = ids.as_array().iter().copied().collect();
+        py.detach(|| -> PyResult<()> { Ok(self.lock()?.aliases().resolve(&mut ids)?) })?;
+        Ok(ids.into_pyarray(py))
+    }
+
+    /// Makes the ids of a settlement final; after the end.
+    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
+        py.detach(|| -> PyResult<()> { Ok(settlement.lock().settle(self.lock()?.aliases())?) })
+    }
+
+    /// Windows woven since this was last asked, (n, 6) int64: window, first span, spans, points, first segment id,
+    /// segments.
+    fn take_windows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
+        let windows = py.detach(|| self.lock().map(|mut pipeline| pipeline.take_woven()))?;
+        let windows = windows.iter().map(|w| {
+            let [index, first_span] = [w.index, w.first_span].map(|n| n as i64);
+            let [spans, points, segments] = [w.spans, w.points, w.segments].map(|n| n as i64);
+            [index, first_span, spans, points, w.first_segment_id, segments]
+        });
+        rows(py, windows.collect())
+    }
+
+    /// Points out, windows woven, segments in scope, raw segment ids given, seconds of weaving.
+    fn progress(&self, py: Python<'_>) -> PyResult<(u64, u64, usize, i64, f64)> {
+        py.detach(|| self.lock().map(|pipeline| tuple(&pipeline.progress())))
+    }
+
+    /// Entries of the point-segment and of the segment-segment table, counted one by one.
+    fn live_entries(&self, py: Python<'_>) -> PyResult<(usize, usize)> {
+        py.detach(|| {
+            self.lock().map(|pipeline| (pipeline.weaver().live_points(), pipeline.weaver().live_segments()))
+        })
+    }
+}
+
+impl PyPipeline {
+    /// To be called without the interpreter, which the pipeline may need while it holds the lock.
+    fn lock(&self) -> PyResult<MutexGuard<'_, Pipeline>> {
+        match self.pipeline.try_lock() {
+            Ok(pipeline) => Ok(pipeline),
+            // A panic in the core has been reported already; what the lock guards is still consistent.
+            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => Err(StreamsegError::new_err(
+                "the stream is at work already, in another thread or in its own source; take spans from one place",
+            )),
+        }
+    }
+}
+
+fn tuple(progress: &Progress) -> (u64, u64, usize, i64, f64) {
+    (
+        progress.points,
+        progress.windows,
+        progress.live_segments,
+        progress.segment_ids,
+        progress.weaving.as_secs_f64(),
+    )
+}
+
+fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+    Python::attach(|py| -> PyResult<()> {
+        py.check_signals()?;
+        if let Some(on_progress) = on_progress {
+            on_progress.call1(py, (tuple(progress),))?;
+        }
+        Ok(())
+    })
+    .map_err(Error::from)
+}
+
+/// A span that went out of scope.
+#[pyclass(frozen, name = "Span", module = "streamseg")]
+pub struct PySpan {
+    span: Arc<Span>,
+    lattice: Lattice,
+    points: OnceLock<Py<PyArray2<f64>>>,
+    /// Number of the span, from 0.
+    #[pyo3(get)]
+    index: u64,
+    /// The point ids, (n,) int64, ascending.
+    #[pyo3(get)]
+    point_ids: Py<PyArray1<i64>>,
+    /// The raw segment id of each point, (n,) int64.
+    #[pyo3(get)]
+    raw_ids: Py<PyArray1<i64>>,
+    /// The carried segment id of each point, (n,) int64.
+    #[pyo3(get)]
+    carried_ids: Py<PyArray1<i64>>,
+    /// Late joins since the last span, (m, 2) int64: an id that was handed out, and the smaller one it has become.
+    #[pyo3(get)]
+    aliases: Py<PyArray2<i64>>,
+    /// The segments that went with the span, (m, 4) int64: segment, next segment, window, shared points.
+    #[pyo3(get)]
+    segments: Py<PyArray2<i64>>,
+    settles_at: u64,
+}
+
+impl PySpan {
+    fn new(py: Python<'_>, Outgoing { span, segmented }: Outgoing, lattice: Lattice) -> PyResult<Self> {
+        let point_ids: Vec<i64> = (0..span.len()).map(|position| span.point_id(position)).collect();
+        let segments = segmented.segments.iter();
+        let segments = segments.map(|s| [s.segment_id, s.next_segment_id, s.window, s.shared_points as i64]).collect();
+        Ok(Self {
+            span,
+            lattice,
+            points: OnceLock::new(),
+            index: segmented.index,
+            point_ids: point_ids.into_pyarray(py).unbind(),
+            raw_ids: segmented.raw_ids.into_pyarray(py).unbind(),
+            carried_ids: segmented.carried_ids.into_pyarray(py).unbind(),
+            aliases: rows(py, segmented.aliases)?.unbind(),
+            segments: rows(py, segments)?.unbind(),
+            settles_at: segmented.settles_at,
+        })
+    }
+}
+
+#[pymethods]
+impl PySpan {
+    /// Real coordinates, (n, 3) float64, not writable.
+    #[getter]
+    fn points(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        if let Some(points) = self.points.get() {
+            return Ok(points.clone_ref(py));
+        }
+        let points = real_positions(py, &self.span.points, &self.lattice)?;
+        read_only(points.as_any())?;
+        Ok(self.points.get_or_init(|| points.unbind()).clone_ref(py))
+    }
+
+    fn __len__(&self) -> usize {
+        self.span.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Span(index={}, points={})", self.index, self.span.len())
+    }
+}
+
+/// Keeps spans on disk until their ids are final, then gives them back in order.
+#[pyclass(frozen, name = "Settlement", module = "streamseg._core")]
+pub struct PySettlement {
+    settlement: Mutex<Settlement>,
+    with_points: bool,
+    lattice: Lattice,
+}
+
+#[pymethods]
+impl PySettlement {
+    #[new]
+    #[pyo3(signature = (*, scale = None, offset = None, with_points = true))]
+    fn new(scale: Option<[f64; 3]>, offset: Option<[f64; 3]>, with_points: bool) -> PyResult<Self> {
+        let lattice = match (scale, offset) {
+            (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
+            _ => Lattice::REAL,
+        };
+        Ok(Self { settlement: Mutex::new(Settlement::new()?), with_points, lattice })
+    }
+
+    /// Keeps a span of a pipeline.
+    fn keep(&self, py: Python<'_>, span: &PySpan) -> PyResult<()> {
+        let (point_ids, carried) = (span.point_ids.bind(py).readonly(), span.carried_ids.bind(py).readonly());
+        let (point_ids, carried) = (point_ids.as_slice()?, carried.as_slice()?);
+        let positions: &[[f64; 3]] = if self.with_points { &span.span.points } else { &[] };
+        Ok(self.lock().keep(span.index, point_ids, carried, positions, span.settles_at)?)
+    }
+
+    /// Keeps ids that a replay carried.
+    fn keep_ids(
+        &self,
+        index: u64,
+        point_ids: PyReadonlyArray1<'_, i64>,
+        carried_ids: PyReadonlyArray1<'_, i64>,
+        settles_at: u64,
+    ) -> PyResult<()> {
+        Ok(self.lock().keep(index, point_ids.as_slice()?, carried_ids.as_slice()?, &[], settles_at)?)
+    }
+
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<PySettled>> {
+        match py.detach(|| self.lock().next().transpose())? {
+            Some(settled) => PySettled::new(py, settled, &self.lattice).map(Some),
+            None => Ok(None),
+        }
+    }
+}
+
+impl PySettlement {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Settlement> {
+        self.settlement.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A span whose ids are final.
+#[pyclass(frozen, name = "SettledSpan", module = "streamseg")]
+pub struct PySettled {
+    /// Number of the span, from 0.
+    #[pyo3(get)]
+    index: u64,
+    /// Real coordinates, (n, 3) float64; empty where they were not kept.
+    #[pyo3(get)]
+    points: Py<PyArray2<f64>>,
+    /// The point ids, (n,) int64, ascending.
+    #[pyo3(get)]
+    point_ids: Py<PyArray1<i64>>,
+    /// The final segment id of each point, (n,) int64.
+    #[pyo3(get)]
+    segment_ids: Py<PyArray1<i64>>,
+}
+
+impl PySettled {
+    fn new(py: Python<'_>, settled: Settled, lattice: &Lattice) -> PyResult<Self> {
+        Ok(Self {
+            index: settled.index,
+            points: real_positions(py, &settled.positions, lattice)?.unbind(),
+            point_ids: settled.point_ids.into_pyarray(py).unbind(),
+            segment_ids: settled.segment_ids.into_pyarray(py).unbind(),
+        })
+    }
+}

@@ -1,0 +1,151 @@
+//! Proximity segmentation: components of the Delaunay edges that are no longer than a distance.
+//!
+//! Source: the demonstration segmentor of the moving-window framework (ISPRS Annals I-3, 2012, section 3.2).
+//! 1. Triangulate the window on the map ([`Delaunay`]).
+//! 2. Keep an edge if its ends are within the distance, under the metric.
+//! 3. Label the connected components of what was kept.
+//!
+//! Departure: points with equal xy are kept, all of them. Two points are neighbors when their xy is equal or
+//! Delaunay-adjacent, and joined when within the distance.
+//!
+//! With the xy metric the result is that of the 2-D radius graph, because the Euclidean minimum spanning tree is part of
+//! every Delaunay triangulation; so any window that holds a pair decides it rightly. With lengths in space on the
+//! triangulation of the map it is a segmentation of its own, which splits more: roofs from ground.
+
+use std::ops::Range;
+
+use super::{Exactness, Segmentor};
+use crate::error::{Result, positive};
+use crate::label::Labels;
+use crate::lattice::{Metric, Within};
+use crate::neighborhood::{Delaunay, Loaded};
+use crate::span::Extent;
+use crate::union_find::UnionFind;
+use crate::window::Window;
+
+/// Components of the pruned Delaunay graph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Proximity {
+    distance: f64,
+    metric: Metric,
+}
+
+impl Proximity {
+    /// Joins neighbors that are within `distance`, in units of the coordinates.
+    ///
+    /// # Errors
+    /// If the distance is not a finite number above 0.
+    pub fn new(distance: f64, metric: Metric) -> Result<Self> {
+        Ok(Self { distance: positive("distance", distance)?, metric })
+    }
+
+    /// The greatest length of a kept edge.
+    pub fn distance(&self) -> f64 {
+        self.distance
+    }
+
+    /// Which coordinates count for the length.
+    pub fn metric(&self) -> Metric {
+        self.metric
+    }
+}
+
+impl Segmentor for Proximity {
+    fn name(&self) -> &'static str {
+        "proximity"
+    }
+
+    fn exactness(&self) -> Exactness {
+        match self.metric {
+            Metric::Xy => Exactness::ByLocality { reach: self.distance },
+            Metric::Xyz => Exactness::WithHalo { reach: self.distance },
+        }
+    }
+
+    fn segment(&self, window: &Window) -> Result<Labels> {
+        let points = window.points();
+        let horizontal: Vec<[f64; 2]> = points.iter().map(|point| window.lattice().horizontal(point)).collect();
+        let neighbors = Delaunay::new(&horizontal, |i| points[i as usize][2]);
+        drop(horizontal);
+        let mut joined = Joined {
+            // In the order of the neighborhood, near points are near in memory.
+            points: neighbors.order().iter().map(|&i| points[i as usize]).collect(),
+            sets: UnionFind::new(points.len()),
+            within: Within::new(self.distance, self.metric, window.lattice()),
+            flat: self.metric == Metric::Xy,
+        };
+        for stack in neighbors.stacks() {
+            joined.join_stack(stack);
+        }
+        // With lengths on the map any window that holds a pair decides it rightly.
+        let loaded = window.extent().filter(|_| self.metric == Metric::Xyz);
+        let loaded = loaded.map(|Extent { direction, low, high }| Loaded { direction, low, high });
+        neighbors.for_each_edge(|a, b, edge| {
+            if loaded.is_none_or(|loaded| edge.is_final(&loaded)) {
+                joined.join_neighbors(a, b);
+            }
+        });
+        Ok(labels(&joined.sets.into_representatives(), neighbors.order()))
+    }
+}
+
+/// Labels in window order from representatives in neighborhood order.
+fn labels(representatives: &[u32], order: &[u32]) -> Labels {
+    let mut of_point = vec![0; order.len()];
+    for (&point, &representative) in order.iter().zip(representatives) {
+        of_point[point as usize] = representative;
+    }
+    Labels::from_representatives(of_point.into_iter(), order.len())
+}
+
+/// The points in neighborhood order, and which of them are one segment.
+struct Joined {
+    points: Vec<[f64; 3]>,
+    sets: UnionFind,
+    within: Within,
+    flat: bool,
+}
+
+impl Joined {
+    /// Joins the points of a stack. They are in order of height, so consecutive pairs are enough.
+    fn join_stack(&mut self, stack: Range<usize>) {
+        for upper in stack.start + 1..stack.end {
+            self.join_pair(upper - 1, upper);
+        }
+    }
+
+    #[inline]
+    fn join_pair(&mut self, a: usize, b: usize) {
+        if self.within.pair(&self.points[a], &self.points[b]) {
+            self.sets.union(a as u32, b as u32);
+        }
+    }
+
+    /// Joins the points of two neighboring stacks.
+    #[inline]
+    fn join_neighbors(&mut self, a: Range<usize>, b: Range<usize>) {
+        if self.flat || (a.len() == 1 && b.len() == 1) {
+            self.join_pair(a.start, b.start);
+        } else {
+            self.join_tall(a, b);
+        }
+    }
+
+    /// Joins each point of `a` with the nearest of `b` above and below it. Those of `b` beyond them on the same side
+    /// and within the distance of it are within the distance of each other, and so are joined already.
+    fn join_tall(&mut self, a: Range<usize>, b: Range<usize>) {
+        let mut above = b.start;
+        for point in a {
+            let height = self.points[point][2];
+            while above < b.end && self.points[above][2] < height {
+                above += 1;
+            }
+            if above < b.end {
+                self.join_pair(point, above);
+            }
+            if above > b.start {
+                self.join_pair(point, above - 1);
+            }
+        }
+    }
+}

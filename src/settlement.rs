@@ -1,0 +1,152 @@
+//! Keeps spans on disk until their carried ids can be made final.
+//!
+//! Ids are final only when the source has ended: the last window may join what the first ones left apart. So spans are
+//! kept in a temporary file as they come out, then settled from the last to the first along the log of joins (see
+//! [`Settling`](crate::weaver::Settling)), and handed out again from the first to the last.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+use crate::error::{Error, Result};
+use crate::label::SegmentId;
+use crate::weaver::Aliases;
+
+/// Spans waiting for their final ids, then an iterator over them.
+pub struct Settlement {
+    file: File,
+    kept: Vec<Kept>,
+    end: u64,
+    next: usize,
+}
+
+/// Where the ids of a span lie in the file: point ids, segment ids, coordinates if any.
+struct Kept {
+    index: u64,
+    start: u64,
+    points: usize,
+    with_positions: bool,
+    settles_at: u64,
+}
+
+/// A span whose ids are final.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settled {
+    /// Which span.
+    pub index: u64,
+    /// The point ids, ascending.
+    pub point_ids: Vec<i64>,
+    /// The final segment id of each point.
+    pub segment_ids: Vec<SegmentId>,
+    /// Lattice coordinates, if they were kept.
+    pub positions: Vec<[f64; 3]>,
+}
+
+impl Settlement {
+    /// With nothing kept yet.
+    ///
+    /// # Errors
+    /// If no temporary file can be made.
+    pub fn new() -> Result<Self> {
+        let file = tempfile::tempfile().map_err(|e| Error::spool("written", e))?;
+        Ok(Self { file, kept: Vec::new(), end: 0, next: 0 })
+    }
+
+    /// Keeps a span whose carried ids were handed out when the log of joins stood at `settles_at`. Positions may be
+    /// left out, for all points or for none.
+    ///
+    /// # Errors
+    /// If the temporary file cannot be written.
+    pub fn keep(
+        &mut self,
+        index: u64,
+        point_ids: &[i64],
+        segment_ids: &[SegmentId],
+        positions: &[[f64; 3]],
+        settles_at: u64,
+    ) -> Result<()> {
+        let (points, with_positions) = (point_ids.len(), !positions.is_empty());
+        self.kept.push(Kept { index, start: self.end, points, with_positions, settles_at });
+        let mut write = |bytes: &[u8]| {
+            self.end += bytes.len() as u64;
+            self.file.write_all(bytes).map_err(|e| Error::spool("written", e))
+        };
+        write(bytemuck::cast_slice(point_ids))?;
+        write(bytemuck::cast_slice(segment_ids))?;
+        write(bytemuck::cast_slice(positions))
+    }
+
+    /// Makes all ids final; the log has to be the one in which the spans' positions were taken.
+    ///
+    /// # Errors
+    /// If a temporary file cannot be read or written.
+    pub fn settle(&mut self, log: &mut Aliases) -> Result<()> {
+        let mut settling = log.settling();
+        for kept in self.kept.iter().rev() {
+            settling.rewind(log, kept.settles_at, |_, _| ())?;
+            let at = kept.start + (kept.points * size_of::<i64>()) as u64;
+            let mut ids = vec![0; kept.points];
+            read_at(&mut self.file, at, bytemuck::cast_slice_mut(&mut ids)).map_err(|e| Error::spool("read", e))?;
+            settling.settle(&mut ids);
+            self.file
+                .seek(SeekFrom::Start(at))
+                .and_then(|_| self.file.write_all(bytemuck::cast_slice(&ids)))
+                .map_err(|e| Error::spool("written", e))?;
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, span: usize) -> io::Result<Settled> {
+        let kept = &self.kept[span];
+        let mut settled = Settled {
+            index: kept.index,
+            point_ids: vec![0; kept.points],
+            segment_ids: vec![0; kept.points],
+            positions: vec![[0.0; 3]; if kept.with_positions { kept.points } else { 0 }],
+        };
+        read_at(&mut self.file, kept.start, bytemuck::cast_slice_mut(&mut settled.point_ids))?;
+        self.file.read_exact(bytemuck::cast_slice_mut(&mut settled.segment_ids))?;
+        self.file.read_exact(bytemuck::cast_slice_mut(&mut settled.positions))?;
+        Ok(settled)
+    }
+}
+
+fn read_at(file: &mut File, at: u64, bytes: &mut [u8]) -> io::Result<()> {
+    file.seek(SeekFrom::Start(at))?;
+    file.read_exact(bytes)
+}
+
+impl Iterator for Settlement {
+    type Item = Result<Settled>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let span = self.next;
+        if span == self.kept.len() {
+            return None;
+        }
+        self.next += 1;
+        Some(self.read(span).map_err(|e| Error::spool("read", e)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_come_back_in_order_with_final_ids() {
+        let mut log = Aliases::default();
+        let mut settlement = Settlement::new().unwrap();
+        log.mark_births(1).unwrap();
+        settlement.keep(0, &[0, 1], &[1, 2], &[[0.0; 3], [1.0; 3]], log.len()).unwrap();
+        log.mark_births(3).unwrap();
+        log.join(3, 2).unwrap();
+        settlement.keep(1, &[2], &[2], &[], log.len()).unwrap();
+        log.join(2, 1).unwrap();
+        settlement.settle(&mut log).unwrap();
+        let spans: Vec<Settled> = settlement.by_ref().map(Result::unwrap).collect();
+        assert_eq!(spans[0].segment_ids, [1, 1]);
+        assert_eq!(spans[0].positions.len(), 2);
+        assert_eq!((spans[1].index, &spans[1].point_ids[..], &spans[1].segment_ids[..]), (1, &[2][..], &[1][..]));
+        assert!(settlement.next().is_none());
+    }
+}

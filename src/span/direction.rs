@@ -1,0 +1,150 @@
+//! Slabs along a direction, numbered from absolute zero.
+
+use crate::error::{Error, Result};
+use crate::lattice::Lattice;
+
+/// The direction along which slabs follow each other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Direction {
+    /// Along the x axis.
+    X,
+    /// Along the y axis.
+    Y,
+    /// Clockwise from north (the y axis), in degrees.
+    Azimuth(f64),
+}
+
+impl Direction {
+    /// The direction of an azimuth in degrees, clockwise from the y axis.
+    ///
+    /// # Errors
+    /// If the azimuth is not finite.
+    pub fn azimuth(degrees: f64) -> Result<Self> {
+        if degrees.is_finite() {
+            Ok(Direction::Azimuth(degrees))
+        } else {
+            Err(Error::parameter("direction", degrees, "'x', 'y' or an azimuth in degrees, a finite number"))
+        }
+    }
+}
+
+/// The part of the map, across a direction, all of whose points a span holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Unit vector along which the part is bounded.
+    pub direction: [f64; 2],
+    /// Lower border; −∞ if the cloud has no point beyond.
+    pub low: f64,
+    /// Upper border; +∞ if the cloud has no point beyond.
+    pub high: f64,
+}
+
+/// Tells the slab of a point: `floor(way / width)`, where `way` is the real coordinate along the direction.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SlabIndex {
+    weights: [f64; 2],
+    zero: f64,
+    width: f64,
+    /// Whether the way, the zero and the width are whole numbers of lattice steps, so that no rounding can lift a
+    /// point over the border of its slab.
+    whole: bool,
+}
+
+/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
+const MEANT_WHOLE: f64 = 1e-9;
+
+fn whole_steps(length: f64, step: f64) -> Option<f64> {
+    let steps = length / step;
+    let whole = steps.round();
+    ((steps - whole).abs() <= MEANT_WHOLE * whole.abs().max(1.0)).then_some(whole)
+}
+
+impl SlabIndex {
+    pub(crate) fn new(width: f64, direction: Direction, lattice: &Lattice) -> Self {
+        let axis = match direction {
+            Direction::X => 0,
+            Direction::Y => 1,
+            Direction::Azimuth(degrees) => return Self::oblique(width, degrees, lattice),
+        };
+        let (scale, offset) = (lattice.scale()[axis], lattice.offset()[axis]);
+        let mut weights = [0.0; 2];
+        if let (true, Some(width), Some(offset)) =
+            (lattice.is_whole(), whole_steps(width, scale), whole_steps(offset, scale))
+        {
+            weights[axis] = 1.0;
+            return Self { weights, zero: -offset, width, whole: true };
+        }
+        weights[axis] = scale;
+        Self { weights, zero: -offset, width, whole: false }
+    }
+
+    fn oblique(width: f64, degrees: f64, lattice: &Lattice) -> Self {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (scale, offset) = (lattice.scale(), lattice.offset());
+        Self {
+            weights: [sin * scale[0], cos * scale[1]],
+            zero: -(sin * offset[0] + cos * offset[1]),
+            width,
+            whole: false,
+        }
+    }
+
+    /// The slab of a point; of an invalid point, none.
+    #[inline]
+    pub(crate) fn of(&self, point: &[f64; 3]) -> Option<i64> {
+        let way = point[0] * self.weights[0] + point[1] * self.weights[1] - self.zero;
+        let slab = (way / self.width).floor();
+        (slab.abs() < 9e15).then_some(slab as i64)
+    }
+
+    /// The extent of the slabs from `first` up to, but without, `end`; no bound where there is none.
+    pub(crate) fn extent(&self, first: Option<i64>, end: Option<i64>, lattice: &Lattice) -> Extent {
+        // Weights are per lattice coordinate; the map on which neighbors are found may be scaled.
+        let per_unit = lattice.horizontal(&[1.0, 1.0, 0.0]);
+        let gradient = [self.weights[0] / per_unit[0], self.weights[1] / per_unit[1]];
+        let length = gradient[0].hypot(gradient[1]);
+        let border = |slab: i64| (slab as f64 * self.width + self.zero) / length;
+        Extent {
+            direction: gradient.map(|g| g / length),
+            low: first.map_or(f64::NEG_INFINITY, border),
+            high: end.map_or(f64::INFINITY, border),
+        }
+    }
+
+    /// Whether two points at exactly `slabs` widths of each other are sure to be no further apart than `slabs` slabs.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slabs_are_half_open_and_anchored_at_absolute_zero() {
+        let lattice = Lattice::new([0.01; 3], [500_000.0, 0.0, 0.0]).unwrap();
+        let slab = SlabIndex::new(0.3, Direction::X, &lattice);
+        assert!(slab.is_exact());
+        for x in -100i64..100 {
+            // 500 000 m are 50 000 000 steps.
+            assert_eq!(slab.of(&[x as f64, 0.0, 0.0]), Some((50_000_000 + x).div_euclid(30)));
+        }
+    }
+
+    #[test]
+    fn azimuths_run_clockwise_from_the_y_axis() {
+        let slab = |degrees| SlabIndex::new(10.0, Direction::Azimuth(degrees), &Lattice::REAL);
+        assert_eq!(slab(90.0).of(&[25.0, -70.0, 0.0]), Some(2));
+        assert_eq!(slab(0.0).of(&[25.0, -75.0, 0.0]), Some(-8));
+        assert_eq!(slab(45.0).of(&[10.0, 10.0, 0.0]), Some(1));
+    }
+
+    #[test]
+    fn an_invalid_point_lies_in_no_slab() {
+        let slab = SlabIndex::new(1.0, Direction::X, &Lattice::REAL);
+        assert_eq!(slab.of(&[f64::NAN, 0.0, 0.0]), None);
+        assert_eq!(slab.of(&[f64::INFINITY, 0.0, 0.0]), None);
+        assert_eq!(slab.of(&[1e60, 0.0, 0.0]), None);
+    }
+}

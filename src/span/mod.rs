@@ -1,0 +1,154 @@
+//! Spans: contiguous groups of points, of the stream or of space, in which a cloud comes in.
+//!
+//! A source delivers [`Chunk`]s of any size; [`spans_of`] cuts them into spans. By count, by time, by scan line and for
+//! a source that is sorted along the direction the cut follows the stream ([`cutter`]); by width it follows space, and
+//! a cloud that is not sorted along the direction is first laid into slabs, in bounded memory ([`slabs`]).
+
+mod cutter;
+mod direction;
+mod slabs;
+mod validity;
+
+use crate::error::{Result, at_least_one, positive};
+use crate::lattice::Lattice;
+pub use cutter::Cutter;
+pub use direction::{Direction, Extent};
+pub(crate) use direction::SlabIndex;
+pub use slabs::Slabs;
+pub use validity::{Invalid, checked};
+
+/// Points as a source delivers them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Chunk {
+    /// Lattice coordinates.
+    pub points: Vec<[f64; 3]>,
+    /// The values of [`SpanBy::attributes`], one list per attribute, one value per point.
+    pub attributes: Vec<Vec<f64>>,
+}
+
+/// A contiguous group of points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    /// Number of the span, from 0, in the order of the stream.
+    pub index: u64,
+    /// Which points of the stream these are.
+    pub point_ids: PointIds,
+    /// Lattice coordinates, in the order of the point ids.
+    pub points: Vec<[f64; 3]>,
+    /// The part of the map all of whose points this span holds, if it is one of space.
+    pub extent: Option<Extent>,
+}
+
+/// The point ids of a span, ascending.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PointIds {
+    /// As many consecutive ids as the span has points, from this one on.
+    From(i64),
+    /// One id per point.
+    Listed(Vec<i64>),
+}
+
+impl Span {
+    /// How many points the span has.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether the span has no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The id of the point at `position`.
+    pub fn point_id(&self, position: usize) -> i64 {
+        match &self.point_ids {
+            PointIds::From(first) => first + position as i64,
+            PointIds::Listed(ids) => ids[position],
+        }
+    }
+}
+
+/// How a cloud is cut into spans.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SpanBy {
+    /// Half-open slabs of this width across the direction, anchored at absolute zero.
+    Width {
+        /// In units of the coordinates, above 0.
+        width: f64,
+        /// Along which the slabs follow each other.
+        direction: Direction,
+    },
+    /// This many points each.
+    Count {
+        /// At least 1.
+        points: usize,
+    },
+    /// A new span wherever a point's time is this far from the span's first.
+    Time {
+        /// Above 0.
+        seconds: f64,
+    },
+    /// This many scan lines each; a line ends where the mirror turns or where the edge of the flight line ends.
+    ScanLine {
+        /// At least 1.
+        lines: usize,
+    },
+    /// Each chunk of the source is one span.
+    Given,
+}
+
+impl SpanBy {
+    /// Refuses widths, counts and times that are not above zero.
+    ///
+    /// # Errors
+    /// With the value given and the values allowed.
+    pub fn validate(&self) -> Result<()> {
+        match *self {
+            SpanBy::Width { width, .. } => positive("width", width).map(drop),
+            SpanBy::Count { points } => at_least_one("points", points).map(drop),
+            SpanBy::Time { seconds } => positive("seconds", seconds).map(drop),
+            SpanBy::ScanLine { lines } => at_least_one("lines", lines).map(drop),
+            SpanBy::Given => Ok(()),
+        }
+    }
+
+    /// The attributes that a chunk has to bring along, by their LAS names.
+    pub fn attributes(&self) -> &'static [&'static str] {
+        match self {
+            SpanBy::Time { .. } => &["gps_time"],
+            SpanBy::ScanLine { .. } => &["scan_direction_flag", "edge_of_flight_line"],
+            SpanBy::Width { .. } | SpanBy::Count { .. } | SpanBy::Given => &[],
+        }
+    }
+}
+
+/// Whether a source can be read to its end before the first span is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// A file or an array: it may be in any order.
+    Stored,
+    /// Still arriving, perhaps without end: spans are cut as points come.
+    Live,
+}
+
+/// A stream of spans.
+pub type Spans = Box<dyn Iterator<Item = Result<Span>> + Send>;
+
+/// Cuts the chunks of a source into spans.
+///
+/// # Errors
+/// If `by` is not [valid](SpanBy::validate).
+pub fn spans_of(
+    chunks: impl Iterator<Item = Result<Chunk>> + Send + 'static,
+    by: SpanBy,
+    lattice: &Lattice,
+    source: Source,
+) -> Result<Spans> {
+    by.validate()?;
+    Ok(match (by, source) {
+        (SpanBy::Width { width, direction }, Source::Stored) => {
+            Box::new(Slabs::new(chunks, SlabIndex::new(width, direction, lattice), *lattice))
+        }
+        _ => Box::new(Cutter::new(chunks, by, lattice)),
+    })
+}

@@ -1,0 +1,189 @@
+//! Lays a cloud that is in any order into slabs, in bounded memory, and hands the slabs out along the direction.
+//!
+//! Points wait in memory, slab by slab, until there are [`SPOOL_MEMORY`] bytes of them; then every slab's points go to
+//! the end of one temporary file and the slab remembers where. Inside a slab the points keep the order of the stream.
+//! Slabs without points are passed over, so a stray point far away costs nothing.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+
+use super::{Chunk, PointIds, SlabIndex, Span};
+use crate::error::{Error, Result};
+use crate::lattice::Lattice;
+
+/// How many bytes of points wait in memory before they go to disk.
+const SPOOL_MEMORY: usize = 32 << 20;
+
+const BYTES_PER_POINT: usize = size_of::<[f64; 3]>() + size_of::<i64>();
+
+/// An iterator of spans by width over chunks in any order.
+pub struct Slabs<C> {
+    /// The source until it is spooled.
+    chunks: Option<C>,
+    slab_of: SlabIndex,
+    lattice: Lattice,
+    spool: Spool,
+    slabs: BTreeMap<i64, Slab>,
+    index: u64,
+}
+
+impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
+    pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
+        let spool = Spool { file: None, waiting: 0, memory: SPOOL_MEMORY };
+        Self { chunks: Some(chunks), slab_of, lattice, spool, slabs: BTreeMap::new(), index: 0 }
+    }
+
+    fn spool_all(&mut self, chunks: C) -> Result<()> {
+        let mut point_id = 0;
+        let mut at = 0;
+        for chunk in chunks {
+            for point in chunk?.points {
+                // A point with no valid position stays with the points it came with.
+                at = self.slab_of.of(&point).unwrap_or(at);
+                let slab = self.slabs.entry(at).or_default();
+                slab.point_ids.push(point_id);
+                slab.points.push(point);
+                point_id += 1;
+                self.spool.waiting += BYTES_PER_POINT;
+            }
+            if self.spool.waiting >= self.spool.memory {
+                self.spool.write(&mut self.slabs).map_err(|e| Error::spool("written", e))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
+    type Item = Result<Span>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Some(chunks) = self.chunks.take()
+            && let Err(error) = self.spool_all(chunks)
+        {
+            self.slabs.clear();
+            return Some(Err(error));
+        }
+        let (at, slab) = self.slabs.pop_first()?;
+        let index = self.index;
+        self.index += 1;
+        // Slabs passed over have no points, so the extent goes on to the next that has some.
+        let (first, end) = ((index > 0).then_some(at), self.slabs.keys().next().copied());
+        let extent = Some(self.slab_of.extent(first, end, &self.lattice));
+        Some(match self.spool.read(slab) {
+            Ok((point_ids, points)) => Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, extent }),
+            Err(error) => Err(Error::spool("read", error)),
+        })
+    }
+}
+
+/// The points of one slab: those already on disk, and those that wait in memory.
+#[derive(Default)]
+struct Slab {
+    written: Vec<Extent>,
+    point_ids: Vec<i64>,
+    points: Vec<[f64; 3]>,
+}
+
+/// Where some points of a slab lie in the file: their ids, then their coordinates.
+struct Extent {
+    start: u64,
+    points: usize,
+}
+
+struct Spool {
+    file: Option<File>,
+    waiting: usize,
+    memory: usize,
+}
+
+impl Spool {
+    fn write(&mut self, slabs: &mut BTreeMap<i64, Slab>) -> io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(tempfile::tempfile()?),
+        };
+        let mut end = file.seek(SeekFrom::End(0))?;
+        let mut writer = BufWriter::with_capacity(1 << 20, file);
+        for slab in slabs.values_mut().filter(|slab| !slab.points.is_empty()) {
+            let points = std::mem::take(&mut slab.points);
+            writer.write_all(bytemuck::cast_slice(&std::mem::take(&mut slab.point_ids)))?;
+            writer.write_all(bytemuck::cast_slice(&points))?;
+            slab.written.push(Extent { start: end, points: points.len() });
+            end += (points.len() * BYTES_PER_POINT) as u64;
+        }
+        self.waiting = 0;
+        writer.flush()
+    }
+
+    fn read(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Vec<[f64; 3]>)> {
+        let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.points)) };
+        let written: usize = slab.written.iter().map(|extent| extent.points).sum();
+        let mut point_ids = vec![0i64; written];
+        let mut points = vec![[0.0f64; 3]; written];
+        let mut at = 0;
+        for extent in &slab.written {
+            let end = at + extent.points;
+            file.seek(SeekFrom::Start(extent.start))?;
+            file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[at..end]))?;
+            file.read_exact(bytemuck::cast_slice_mut(&mut points[at..end]))?;
+            at = end;
+        }
+        point_ids.extend(slab.point_ids);
+        points.extend(slab.points);
+        Ok((point_ids, points))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::span::Direction;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_point_comes_out_once_in_its_slab_in_stream_order(
+            xs in prop::collection::vec(prop_oneof![4 => -50.0f64..50.0, 1 => Just(f64::NAN)], 1..200),
+            chunk_size in 1usize..50,
+            memory in prop_oneof![Just(1usize), Just(500), Just(usize::MAX)],
+        ) {
+            let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
+                points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
+                attributes: vec![],
+            })).collect::<Vec<_>>();
+            let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
+            let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
+            slabs.spool.memory = memory;
+
+            let mut seen = vec![false; xs.len()];
+            let mut last_slab = i64::MIN;
+            let mut high = f64::NEG_INFINITY;
+            for (i, span) in slabs.enumerate() {
+                let span = span.unwrap();
+                prop_assert_eq!(span.index, i as u64);
+                let PointIds::Listed(ids) = &span.point_ids else { panic!("listed") };
+                prop_assert!(ids.windows(2).all(|w| w[0] < w[1]));
+                let extent = span.extent.unwrap();
+                prop_assert_eq!(extent.low, high);
+                high = extent.high;
+                let mut slab = None;
+                for (&id, point) in ids.iter().zip(&span.points) {
+                    prop_assert!(!std::mem::replace(&mut seen[id as usize], true));
+                    prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
+                    if let Some(at) = slab_of.of(point) {
+                        prop_assert!(extent.low <= point[0] && point[0] < extent.high);
+                        prop_assert_eq!(*slab.get_or_insert(at), at);
+                    }
+                }
+                if let Some(slab) = slab {
+                    prop_assert!(slab > last_slab);
+                    last_slab = slab;
+                }
+            }
+            prop_assert!(seen.into_iter().all(|s| s));
+            prop_assert_eq!(high, f64::INFINITY);
+        }
+    }
+}

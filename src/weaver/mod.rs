@@ -1,0 +1,255 @@
+//! The WEAVER of the framework: labels of overlapping windows in, segment ids out.
+//!
+//! Source: moving-window segmentation (ISPRS Annals I-3, 2012, section 2.1.2 and figure 1). With its two look-up tables,
+//! for each window in order:
+//!
+//! 1. *Evict.* Points that are in neither this window nor the one before go out of scope, and so do segments none of
+//!    whose points are in scope. What the tables knew of them is written to the history and dropped.
+//! 2. *Number.* The window's labels become segment ids, going on from the last.
+//! 3. *Look up* every point in the point-segment table ([`PointSegment`]). If it is there, nothing further is done for
+//!    that table, but its segment and the point's segment in this window are a pair. If not, it is added.
+//! 4. *Connect* the pairs in the segment-segment table ([`SegmentSegment`]); segments without a pair have none.
+//! 5. *Carry* the ids over: segments that are connected are one, and the smallest id stands for them ([`Carry`]). Late
+//!    joins are aliases ([`Aliases`]).
+//!
+//! The weaver never sees a coordinate. Steps 3 and 4 run on any number of threads, the ids do not depend on it.
+//!
+//! Departure: a point without a label is not in the table, so a later window may still give it one.
+
+mod aliases;
+mod carry;
+mod point_segment;
+mod replay;
+mod segment_segment;
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+pub use aliases::{Aliases, Settling};
+pub use carry::{Carry, Join};
+pub use point_segment::{Inserted, PointSegment};
+pub use replay::Replay;
+pub use segment_segment::{Pairs, SegmentRow, SegmentSegment};
+
+use crate::crew::Crew;
+use crate::error::Result;
+use crate::label::{Labels, NONE, SegmentId};
+
+/// Points that one thread weaves at a time.
+const STRETCH: usize = 1 << 15;
+
+/// Ties the labels of overlapping windows together.
+pub struct Weaver {
+    points: PointSegment,
+    segments: SegmentSegment,
+    carry: Carry,
+    aliases: Aliases,
+    /// Spans in scope, oldest first.
+    spans: VecDeque<LiveSpan>,
+    /// The first span of the window before.
+    previous_first: u64,
+    /// Late joins that no evicted span has told yet.
+    untold: Vec<[SegmentId; 2]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct LiveSpan {
+    index: u64,
+    first_arrival: u64,
+    points: usize,
+}
+
+/// A segmented window, as far as the weaver needs to know it.
+pub struct LabelledWindow<'a> {
+    /// Number of the window.
+    pub index: u64,
+    /// Index of its first span; the others follow.
+    pub first_span: u64,
+    /// How many points each span has.
+    pub span_points: &'a [usize],
+    /// One label per point, span by span.
+    pub labels: &'a Labels,
+}
+
+/// What is known of a span when it goes out of scope.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EvictedSpan {
+    /// Which span.
+    pub index: u64,
+    /// The raw segment id of each point: the one it got in the first window that labelled it.
+    pub raw_ids: Vec<SegmentId>,
+    /// The segment id carried over from window to window.
+    pub carried_ids: Vec<SegmentId>,
+    /// The segments that went with the span.
+    pub segments: Vec<SegmentRow>,
+    /// Late joins since the last span: an id that has been handed out, and what it has become.
+    pub aliases: Vec<[SegmentId; 2]>,
+    /// Where the log of joins stood; [`Settling::rewind`] to here makes the carried ids final.
+    pub settles_at: u64,
+}
+
+/// A run of points that are in one segment of an earlier window and one of this.
+struct Run {
+    from: SegmentId,
+    label: i32,
+    points: u64,
+}
+
+impl Default for Weaver {
+    fn default() -> Self {
+        Self {
+            points: PointSegment::with_capacity(STRETCH),
+            segments: SegmentSegment::default(),
+            carry: Carry::default(),
+            aliases: Aliases::default(),
+            spans: VecDeque::new(),
+            previous_first: 0,
+            untold: Vec::new(),
+        }
+    }
+}
+
+impl Weaver {
+    /// Weaves the next window; returns the spans that go out of scope, in order.
+    ///
+    /// # Errors
+    /// If the log of joins cannot be written to disk.
+    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Result<Vec<EvictedSpan>> {
+        let evicted = self.evict_before(self.previous_first);
+        self.previous_first = window.first_span;
+        let first_id = self.carry.next_id();
+        self.aliases.mark_births(first_id)?;
+        self.carry.extend(window.labels.count());
+
+        let first_arrival = self.take_in(window);
+        let runs = self.look_up(window.labels.of_points(), first_arrival, first_id, crew);
+        let pairs = self.connect(runs, first_id, crew);
+        self.segments.push(window.index, first_id, &last_spans(window), &pairs);
+        for row in self.segments.newest_pairs() {
+            if let Some(join) = self.carry.join(row.segment_id, row.next_segment_id) {
+                self.aliases.join(join.id, join.becomes)?;
+                if join.is_alias {
+                    self.untold.push([join.id, join.becomes]);
+                }
+            }
+        }
+        Ok(evicted)
+    }
+
+    /// Ends the stream: everything left goes out of scope.
+    pub fn finish(&mut self) -> Vec<EvictedSpan> {
+        self.evict_before(u64::MAX)
+    }
+
+    /// Makes room for the window's new spans; returns the arrival of the window's first point.
+    fn take_in(&mut self, window: &LabelledWindow<'_>) -> u64 {
+        let known = self.spans.back().map_or(0, |span| span.index + 1);
+        for (index, &points) in (window.first_span..).zip(window.span_points) {
+            if index >= known || self.spans.is_empty() {
+                let first_arrival = self.points.extend(points);
+                self.spans.push_back(LiveSpan { index, first_arrival, points });
+            }
+        }
+        let first = self.spans.iter().find(|span| span.index == window.first_span);
+        first.map_or(0, |span| span.first_arrival)
+    }
+
+    /// Looks every labelled point up, adds the new ones and returns the runs of those that were there.
+    fn look_up(&self, labels: &[i32], first_arrival: u64, first_id: SegmentId, crew: &Crew) -> Vec<Vec<Run>> {
+        let table = &self.points;
+        crew.map(stretches(labels.len()), |stretch| {
+            let mut runs: Vec<Run> = Vec::new();
+            for (arrival, &label) in (first_arrival + stretch.start as u64..).zip(&labels[stretch]) {
+                if label < 0 {
+                    continue;
+                }
+                if let Inserted::Kept(from) = table.insert_if_absent(arrival, first_id + SegmentId::from(label)) {
+                    match runs.last_mut() {
+                        Some(run) if run.from == from && run.label == label => run.points += 1,
+                        _ => runs.push(Run { from, label, points: 1 }),
+                    }
+                }
+            }
+            runs
+        })
+    }
+
+    /// Counts the pairs that the runs show.
+    fn connect(&self, runs: Vec<Vec<Run>>, first_id: SegmentId, crew: &Crew) -> Vec<(SegmentId, i32, u64)> {
+        let capacity = runs.iter().map(Vec::len).sum();
+        let pairs = Pairs::new(self.segments.oldest_id().unwrap_or(first_id), capacity);
+        crew.map(runs, |runs| runs.iter().for_each(|run| pairs.add(run.from, run.label, run.points)));
+        pairs.seal()
+    }
+
+    fn evict_before(&mut self, first_span: u64) -> Vec<EvictedSpan> {
+        let mut evicted = Vec::new();
+        while let Some(&span) = self.spans.front().filter(|span| span.index < first_span) {
+            self.spans.pop_front();
+            evicted.push(self.evict(span));
+        }
+        if !evicted.is_empty() {
+            self.carry.evict_before(self.segments.oldest_id().unwrap_or(self.carry.next_id()));
+        }
+        evicted
+    }
+
+    fn evict(&mut self, span: LiveSpan) -> EvictedSpan {
+        let end = span.first_arrival + span.points as u64;
+        let raw_ids: Vec<SegmentId> =
+            (span.first_arrival..end).map(|arrival| self.points.get(arrival).unwrap_or(NONE)).collect();
+        let mut carried_ids = raw_ids.clone();
+        for run in carried_ids.chunk_by_mut(|a, b| a == b) {
+            if run[0] != NONE {
+                run.fill(self.carry.hand_out(run[0]));
+            }
+        }
+        self.points.evict_before(end);
+        EvictedSpan {
+            index: span.index,
+            raw_ids,
+            carried_ids,
+            segments: self.segments.evict_with(span.index),
+            aliases: std::mem::take(&mut self.untold),
+            settles_at: self.aliases.len(),
+        }
+    }
+
+    /// The log of joins.
+    pub fn aliases(&mut self) -> &mut Aliases {
+        &mut self.aliases
+    }
+
+    /// The id that the next new segment gets.
+    pub fn next_id(&self) -> SegmentId {
+        self.carry.next_id()
+    }
+
+    /// How many points have an entry in the point-segment table, counted one by one.
+    pub fn live_points(&self) -> usize {
+        self.points.live()
+    }
+
+    /// How many segments have an entry in the segment-segment table.
+    pub fn live_segments(&self) -> usize {
+        self.segments.live()
+    }
+}
+
+/// The last span that holds a point of each label.
+fn last_spans(window: &LabelledWindow<'_>) -> Vec<u64> {
+    let mut last = vec![window.first_span; window.labels.count()];
+    let mut labels = window.labels.of_points();
+    for (span, &points) in (window.first_span..).zip(window.span_points) {
+        let (of_span, rest) = labels.split_at(points);
+        for &label in of_span.iter().filter(|label| **label >= 0) {
+            last[label as usize] = span;
+        }
+        labels = rest;
+    }
+    last
+}
+
+fn stretches(points: usize) -> Vec<Range<usize>> {
+    (0..points).step_by(STRETCH).map(|start| start..(start + STRETCH).min(points)).collect()
+}

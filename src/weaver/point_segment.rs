@@ -1,0 +1,183 @@
+//! The point-segment look-up table: the segment id of every point in scope.
+//!
+//! Points are woven in stream order, so a point's *arrival* (its position in the sequence of all points of all spans) is
+//! dense and the table is a ring, not a hash map. The slabs of the live spans lie one behind the other in it:
+//!
+//! ```text
+//!            base                             next
+//!   ┌─────────┬──────────┬──────────┬──────────┬─────────┐      word of arrival a: words[a mod capacity]
+//!   │ evicted │  span 4  │  span 5  │  span 6  │  free   │      bits 63..56  lap of the ring, 1..=255; 0 = never written
+//!   └─────────┴──────────┴──────────┴──────────┴─────────┘      bits 55..0   segment id, from 1
+//! ```
+//!
+//! A word belongs to an arrival only if it carries the arrival's lap. So evicting a span means moving `base` on: nothing
+//! is cleared, nothing is freed, and a reader that comes late finds another lap and answers "none". A stale word would
+//! have to survive 255 laps to be taken for a live one, and every lap overwrites it.
+//!
+//! # What writers and readers may see
+//! Any number of threads may look up and insert at once. A word is written at most once per lap, by one compare-exchange:
+//! of two writers for one point one wins and the other is told the winner's id. A word carries all there is to know, no
+//! other memory is published through it, so all word accesses are `Relaxed`: the coherence of a single atomic is enough.
+//! `base` is stored `Release` and loaded `Acquire`; the pair lets a thread that has learnt of an eviction rely on what
+//! the evicting thread read before it. Model-checked in `tests/weaver_model.rs`.
+
+use crate::label::SegmentId;
+use crate::sync::{AtomicU64, Ordering};
+
+/// One segment id per point in scope.
+pub struct PointSegment {
+    /// A power of two of them.
+    words: Box<[AtomicU64]>,
+    /// The oldest arrival in scope.
+    base: AtomicU64,
+    /// The arrival of the next new point.
+    next: u64,
+}
+
+const ID_BITS: u32 = 56;
+const ID_MASK: u64 = (1 << ID_BITS) - 1;
+const LAPS: u64 = 255;
+
+/// What an insertion found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Inserted {
+    /// The point was new and now has the id.
+    New,
+    /// The point was there and keeps this id.
+    Kept(SegmentId),
+}
+
+impl PointSegment {
+    /// An empty table with room for at least `capacity` points in scope.
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self { words: ring(capacity), base: AtomicU64::new(0), next: 0 }
+    }
+
+    /// Makes room for `points` new points and returns the arrival of the first.
+    pub fn extend(&mut self, points: usize) -> u64 {
+        let first = self.next;
+        let live = (first - self.base()) as usize + points;
+        if live > self.words.len() {
+            self.grow(live);
+        }
+        self.next += points as u64;
+        first
+    }
+
+    fn grow(&mut self, live: usize) {
+        let grown = Self { words: ring(live), base: AtomicU64::new(self.base()), next: self.next };
+        for arrival in self.base()..self.next {
+            if let Some(id) = self.get(arrival) {
+                // Relaxed: nobody else has the new table yet.
+                grown.word(arrival).store(grown.packed(arrival, id), Ordering::Relaxed);
+            }
+        }
+        *self = grown;
+    }
+
+    fn base(&self) -> u64 {
+        // Acquire pairs with the Release in `evict_before`.
+        self.base.load(Ordering::Acquire)
+    }
+
+    #[inline]
+    fn word(&self, arrival: u64) -> &AtomicU64 {
+        &self.words[arrival as usize & (self.words.len() - 1)]
+    }
+
+    /// The word of `arrival` with `id`.
+    #[inline]
+    fn packed(&self, arrival: u64, id: SegmentId) -> u64 {
+        let lap = (arrival >> self.words.len().trailing_zeros()) % LAPS + 1;
+        lap << ID_BITS | (id as u64 & ID_MASK)
+    }
+
+    #[inline]
+    fn unpacked(&self, arrival: u64, word: u64) -> Option<SegmentId> {
+        (word >> ID_BITS == self.packed(arrival, 0) >> ID_BITS).then_some((word & ID_MASK) as SegmentId)
+    }
+
+    /// The segment id of a point in scope, if it has one.
+    #[inline]
+    pub fn get(&self, arrival: u64) -> Option<SegmentId> {
+        // Relaxed: see "What writers and readers may see".
+        let word = self.word(arrival).load(Ordering::Relaxed);
+        // The word is read first: had the point been evicted before, its id would be stale but still its own.
+        if arrival < self.base() { None } else { self.unpacked(arrival, word) }
+    }
+
+    /// Gives `id` to a point that has none; a point that has one keeps it.
+    #[inline]
+    pub fn insert_if_absent(&self, arrival: u64, id: SegmentId) -> Inserted {
+        let word = self.word(arrival);
+        // Relaxed, all three: see "What writers and readers may see".
+        let mut seen = word.load(Ordering::Relaxed);
+        loop {
+            if let Some(kept) = self.unpacked(arrival, seen) {
+                return Inserted::Kept(kept);
+            }
+            match word.compare_exchange(seen, self.packed(arrival, id), Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return Inserted::New,
+                Err(now) => seen = now,
+            }
+        }
+    }
+
+    /// Lets all points before `arrival` go out of scope.
+    pub fn evict_before(&self, arrival: u64) {
+        // Release pairs with the Acquire in `base`.
+        self.base.store(arrival, Ordering::Release);
+    }
+
+    /// How many points in scope have a segment id, counted one by one.
+    pub fn live(&self) -> usize {
+        (self.base()..self.next).filter(|&arrival| self.get(arrival).is_some()).count()
+    }
+}
+
+fn ring(capacity: usize) -> Box<[AtomicU64]> {
+    (0..capacity.next_power_of_two()).map(|_| AtomicU64::new(0)).collect()
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::HashMap;
+
+    #[test]
+    fn a_point_keeps_its_first_id() {
+        let mut table = PointSegment::with_capacity(1);
+        let first = table.extend(3);
+        assert_eq!(table.insert_if_absent(first, 7), Inserted::New);
+        assert_eq!(table.insert_if_absent(first, 9), Inserted::Kept(7));
+        assert_eq!((table.get(first), table.get(first + 1)), (Some(7), None));
+        assert_eq!(table.live(), 1);
+    }
+
+    proptest! {
+        /// The ring behaves like a map from which the oldest keys are removed.
+        #[test]
+        fn equals_a_map(steps in prop::collection::vec((1usize..9, 0usize..9, 1i64..1000), 1..200)) {
+            let mut table = PointSegment::with_capacity(2);
+            let mut map: HashMap<u64, i64> = HashMap::new();
+            let mut base = 0;
+            for (arriving, leaving, id) in steps {
+                let first = table.extend(arriving);
+                // Every second point of the new ones gets an id; some older ones are offered another.
+                for arrival in (base..first + arriving as u64).filter(|a| a % 2 == 0) {
+                    let expected = map.get(&arrival).map_or(Inserted::New, |&kept| Inserted::Kept(kept));
+                    prop_assert_eq!(table.insert_if_absent(arrival, id), expected);
+                    map.entry(arrival).or_insert(id);
+                }
+                base = (base + leaving as u64).min(first + arriving as u64);
+                table.evict_before(base);
+                map.retain(|&arrival, _| arrival >= base);
+                prop_assert_eq!(table.live(), map.len());
+                for arrival in 0..first + arriving as u64 {
+                    prop_assert_eq!(table.get(arrival), map.get(&arrival).copied());
+                }
+            }
+        }
+    }
+}
