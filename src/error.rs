@@ -76,7 +76,7 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn parameter(name: &'static str, given: impl ToString, allowed: &'static str) -> Self {
+    pub(crate) fn parameter(name: &'static str, given: impl std::fmt::Display, allowed: &'static str) -> Self {
         Error::InvalidParameter { name, given: given.to_string(), allowed }
     }
 

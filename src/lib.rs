@@ -12,6 +12,9 @@
 //! | [`pipeline`] | all of it, as an iterator |
 //! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
 //!
+//!
+//! [`scene`] makes up surveys to try all this on.
+//!
 //! ```
 //! use std::sync::Arc;
 //! use streamseg::crew::Crew;
@@ -42,6 +45,7 @@ pub mod label;
 pub mod lattice;
 pub mod neighborhood;
 pub mod pipeline;
+pub mod scene;
 pub mod segmentor;
 pub mod settlement;
 pub mod span;

@@ -75,6 +75,8 @@ pub struct Progress {
     pub live_segments: usize,
     /// Raw segment ids given.
     pub segment_ids: i64,
+    /// Segments there are, as far as is known: raw ids less joins.
+    pub segments: i64,
     /// Time the weaver has taken.
     pub weaving: Duration,
 }
@@ -87,13 +89,7 @@ struct SegmentedWindow {
 
 impl Pipeline {
     /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`.
-    pub fn new(
-        spans: Spans,
-        lattice: Lattice,
-        segmentor: Arc<dyn Segmentor>,
-        size: WindowSize,
-        crew: Crew,
-    ) -> Self {
+    pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         Self {
             spans: Some(spans),
             slider: Slider::new(size, lattice),
@@ -165,7 +161,7 @@ impl Pipeline {
             Some(Ok(span)) => self.slider.push(span),
             ended => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.
-                self.failure = ended.and_then(Result::err);
+                self.failure = ended.and_then(Result::err).or(self.failure.take());
                 self.spans = None;
                 match self.slider.finish() {
                     None => return false,
@@ -223,6 +219,7 @@ impl Pipeline {
         self.live.extend(spans.into_iter().filter(|span| span.index >= known));
         self.progress.windows += 1;
         self.progress.segment_ids = self.weaver.next_id() - 1;
+        self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
     }
 
@@ -230,9 +227,7 @@ impl Pipeline {
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
         self.failure = match answer {
             Ok(error) => error,
-            Err(message) => {
-                Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message })
-            }
+            Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
         };
         self.spans = None;
         self.under_way.clear();

@@ -4,6 +4,7 @@
 `segment_file` and `resolve_file` go from file to file.
 """
 
+from . import scenes
 from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints
 from .errors import (
     FileError,
@@ -17,6 +18,7 @@ from .errors import (
 )
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .preview import preview
 from .stream import Progress, Span, Stream, segment, segment_static, stream
 
 __version__ = "0.1.0"
@@ -42,7 +44,9 @@ __all__ = [
     "StreamsegWarning",
     "Window",
     "WindowPoints",
+    "preview",
     "resolve_file",
+    "scenes",
     "segment",
     "segment_file",
     "segment_static",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ._core import Window
 from .history import History
 from .io import LabelSpool, check_output, open_cloud, write_labelled
-from .source import PathLike
+from .source import PathLike, counted, open_source
 from .stream import Progress, Result, SpanBy, Stream, stream
 
 
@@ -21,6 +21,8 @@ class Outcome(NamedTuple):
     """Points written, each with its segment id."""
     windows: int
     """Windows woven."""
+    segments: int
+    """Segments they are in; raw ids with ``result="history"``."""
     aliases: int
     """Ids handed out that have become another's (``result="carry"``)."""
     promise: str
@@ -41,6 +43,8 @@ def segment_file(
     threads: int | None = None,
     drop_invalid: bool = False,
     overwrite: bool = False,
+    on_open: Callable[[int | None], None] | None = None,
+    on_read: Callable[[int], None] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_write: Callable[[int], None] | None = None,
 ) -> Outcome:
@@ -58,8 +62,9 @@ def segment_file(
         Which ids are written.
     overwrite : bool, default False
         Replace an output and a history that are already there.
-    on_progress, on_write : functions, optional
-        Called with the `Progress`, and with the points written so far.
+    on_open, on_read, on_progress, on_write : functions, optional
+        Called with the number of points that the input announces, the points read so far, the `Progress`, and the
+        points written so far.
 
     Returns
     -------
@@ -86,8 +91,11 @@ def segment_file(
     output = Path(output)
     check_output(output, paths, overwrite)
     cloud = open_cloud(paths)
+    if on_open is not None:
+        on_open(cloud.point_count)
+    source = open_source(cloud, spans)
     run = stream(
-        cloud,
+        source if on_read is None else counted(source, on_read),
         segmentor,
         spans=spans,
         window=window,
@@ -114,7 +122,9 @@ def segment_file(
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
         if failure is not None:
             raise failure
-        return Outcome(points, run.progress.windows, aliases, run.promise, cloud.damage)
+        progress = run.progress
+        segments = progress.segment_ids if result == "history" else progress.segments
+        return Outcome(points, progress.windows, segments, aliases, run.promise, cloud.damage)
 
 
 def _label(run: Stream, labels: LabelSpool) -> int:
@@ -162,4 +172,3 @@ def resolve_file(
         for point_ids, segment_ids in past.resolve():
             labels.add(point_ids, segment_ids)
         return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
-

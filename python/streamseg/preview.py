@@ -8,27 +8,31 @@ shading the heights as if lit from the north-west.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .errors import FileError, InvalidParameter, MissingExtra
 from .io import open_cloud
-from .io.raster import Floats, Ids, Raster, fill_gaps, rasterize, shifted, survey
+from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Color = tuple[int, int, int]
 
-NONE_COLOR: Color = (150, 150, 150)
+NONE_COLOR: Color = (186, 188, 191)
 PALETTE: tuple[Color, ...] = (
     (31, 119, 200), (255, 140, 26), (46, 160, 67), (214, 48, 49), (142, 90, 200), (140, 96, 70),
     (232, 110, 190), (188, 189, 34), (23, 190, 207), (255, 205, 60), (0, 110, 100), (130, 20, 60),
     (160, 205, 255), (150, 225, 140), (255, 165, 150), (60, 60, 160),
 )  # fmt: skip
 
-_NEAR_PIXELS = (1, 2, 4, 8)
 _SMALLEST_SIZE = 200
 _LEGEND_ENTRIES = 12
+_LEGEND_WIDTH = 13  # times the size of the text
+_LINE = 1.6
+_WIDE = 1.7
 _BACKGROUND: Color = (255, 255, 255)
 _INK: Color = (35, 38, 43)
 _FAINT: Color = (110, 115, 122)
@@ -91,7 +95,7 @@ def preview(
         raise InvalidParameter(f"size is {size}, must be {_SMALLEST_SIZE} or more pixels")
     if shade not in ("segment", "height", None):
         raise InvalidParameter(f"shade is {shade!r}, must be 'segment', 'height' or None")
-    pillow = _pillow()
+    _pillow()  # a missing Pillow should be known before the work
     labelled, out_png = Path(labelled), Path(out_png)
     found = survey(labelled)
     raster = fill_gaps(rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1))
@@ -100,8 +104,7 @@ def preview(
     colors = color_segments(raster.ids, raster.height > -np.inf, sizes)
     counts = dict(sorted(sizes.items(), key=lambda item: (-item[1], item[0])))
     result = Preview(found.points, counts, none, raster.outside, colors)
-    page = _Page(pillow, raster, result, labelled.name, open_cloud(labelled).unit or "units", size)
-    image = page.draw(shade)
+    image = _Page(raster, result, labelled, size).draw(shade)
     try:
         image.save(out_png, "PNG", optimize=True)
     except OSError as error:
@@ -126,7 +129,7 @@ def color_segments(ids: Ids, drawn: NDArray[np.bool_], sizes: dict[int, int]) ->
     """
     shown, index = np.unique(np.where(drawn, ids, -1), return_inverse=True)
     index = index.reshape(ids.shape)
-    neighbors = _neighbors(index, shown)
+    neighbors = touching(index, shown)
     used = np.zeros(len(PALETTE), np.int64)
     chosen = np.full(len(shown), -1)
     area = np.bincount(index.ravel(), minlength=len(shown))
@@ -141,57 +144,41 @@ def color_segments(ids: Ids, drawn: NDArray[np.bool_], sizes: dict[int, int]) ->
     return {int(shown[i]): PALETTE[chosen[i]] for i in range(len(shown)) if shown[i] >= 0}
 
 
-def _neighbors(index: NDArray[np.intp], shown: Ids) -> list[NDArray[np.intp]]:
-    """For each segment those that come within a few pixels of it."""
-    keys = []
-    for distance in _NEAR_PIXELS:
-        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            if distance >= min(index.shape) and distance > 1:
-                continue
-            one, other = shifted(index.shape, dy * distance, dx * distance)
-            a, b = index[one], index[other]
-            meet = (a != b) & (shown[a] >= 0) & (shown[b] >= 0)
-            first, second = a[meet].astype(np.int64), b[meet].astype(np.int64)
-            keys.append(np.unique(first * len(shown) + second))
-            keys.append(np.unique(second * len(shown) + first))
-    pairs = np.unique(np.concatenate(keys))
-    first, second = np.divmod(pairs, len(shown))
-    return np.split(second, np.searchsorted(first, np.arange(1, len(shown))))
-
-
 class _Page:
     """Lays out title, panels, scale bar and legend; all lengths follow from the size of the picture."""
 
-    def __init__(self, pillow: Any, raster: Raster, result: Preview, name: str, unit: str, size: int) -> None:
-        self._pillow, self._raster, self._result, self._name, self._unit = pillow, raster, result, name, unit
+    def __init__(self, raster: Raster, result: Preview, labelled: Path, size: int) -> None:
+        self._pillow, self._raster, self._result, self._name = _pillow(), raster, result, labelled.name
+        self._unit = open_cloud(labelled).unit or "units"
         self._text = max(11, round(size / 64))
         self._gap = self._text
 
     def draw(self, shade: str | None) -> Any:
         """Draw everything."""
         text, gap, raster = self._text, self._gap, self._raster
-        light = np.ones(raster.height.shape) if shade is None else _hillshade(raster)
+        light = np.ones(raster.height.shape) if shade is None else hillshade(raster)
         panels = [self._colored_by_segment(light)]
-        low, high = _height_range(raster.height)
+        low, high = height_range(raster.height)
         if shade == "height":
             panels.append(self._colored_by_height(light, low, high))
         rows, columns = raster.height.shape
-        drawn_columns = columns * len(panels) + 2 * gap * (len(panels) - 1)
-        legend_width, legend_height = self._legend_size()
-        is_wide = drawn_columns > 2.2 * rows
-        width = max(drawn_columns + (0 if is_wide else legend_width + 2 * gap), 26 * text) + 2 * gap
-        top, bottom = 3 * text + gap, 3 * text + gap
-        height = top + (rows + legend_height + gap if is_wide else max(rows, legend_height)) + bottom
+        drawn = columns * len(panels) + 2 * gap * (len(panels) - 1)
+        is_wide = drawn > _WIDE * rows
+        legend = self._legend_columns(drawn if is_wide else 0)
+        legend_height = round(_LINE * text * (max(map(len, legend)) + 2))
+        width = max(drawn if is_wide else drawn + 2 * gap + _LEGEND_WIDTH * text, 26 * text) + 2 * gap
+        top, foot_height = 3 * text + gap, 3 * text + gap
+        foot = top + (rows if is_wide else max(rows, legend_height)) + gap
+        height = foot + foot_height + (legend_height + gap if is_wide else 0)
         image = self._pillow.Image.new("RGB", (width, height), _BACKGROUND)
         pen = self._pillow.ImageDraw.Draw(image)
         self._title(pen)
         for number, panel in enumerate(panels):
             image.paste(self._pillow.Image.fromarray(panel), (gap + number * (columns + 2 * gap), top))
-        foot = top + rows + (legend_height + gap if is_wide else max(0, legend_height - rows)) + text
         self._scale_bar(pen, gap, foot)
         if shade == "height":
-            self._height_bar(image, pen, gap + columns + 2 * gap, foot, low, high)
-        self._legend(pen, *((gap, top + rows + gap) if is_wide else (drawn_columns + 3 * gap, top)))
+            self._height_bar(image, (columns + 3 * gap, foot), (low, high))
+        self._legend(pen, (gap, foot + foot_height) if is_wide else (drawn + 3 * gap, top), legend)
         return image
 
     def _title(self, pen: Any) -> None:
@@ -214,7 +201,7 @@ class _Page:
         return _lit(_height_colors((height - low) / (high - low)), light, self._raster.height)
 
     def _scale_bar(self, pen: Any, x: int, y: int) -> None:
-        """A bar of a round length, about a fifth of the panel, and the axes."""
+        """Draw a bar of a round length, about a quarter of the panel, and the axes."""
         text, pixel = self._text, self._raster.pixel
         axes = self._font(0.85)
         pen.line([(x, y - text // 2), (x, y + text), (x + 1.5 * text, y + text)], _INK, max(1, text // 10))
@@ -228,7 +215,9 @@ class _Page:
             note = f"{self._result.outside:,} points outside the frame"
             pen.text((x + 4 * text, y + 1.2 * text), note, _FAINT, axes)
 
-    def _height_bar(self, image: Any, pen: Any, x: int, y: int, low: float, high: float) -> None:
+    def _height_bar(self, image: Any, corner: tuple[int, int], heights: tuple[float, float]) -> None:
+        (x, y), (low, high) = corner, heights
+        pen = self._pillow.ImageDraw.Draw(image)
         text, width = self._text, min(14 * self._text, self._raster.height.shape[1] // 2)
         strip = np.repeat(_height_colors(np.linspace(0, 1, width))[None], max(2, text // 2), axis=0)
         digits = max(0, 1 - int(np.floor(np.log10(high - low))))
@@ -247,20 +236,25 @@ class _Page:
         ][:_LEGEND_ENTRIES]
         return [*largest, *([(NONE_COLOR, "none", f"{result.none:,}")] if result.none else [])]
 
-    def _legend_size(self) -> tuple[int, int]:
-        return 13 * self._text, round(1.6 * self._text * (len(self._entries()) + 2.5))
+    def _legend_columns(self, width: int) -> list[list[tuple[Color, str, str]]]:
+        """Spread the entries over as many columns as `width` has room for."""
+        entries = self._entries()
+        rows = -(-len(entries) // max(1, (width + 2 * self._text) // ((_LEGEND_WIDTH + 2) * self._text)))
+        return [entries[start : start + rows] for start in range(0, len(entries), rows)]
 
-    def _legend(self, pen: Any, x: int, y: int) -> None:
-        text, font, small = self._text, self._font(), self._font(0.85)
+    def _legend(self, pen: Any, corner: tuple[int, int], columns: list[list[tuple[Color, str, str]]]) -> None:
+        text, (x, y), small = self._text, corner, self._font(0.85)
         pen.text((x, y), "largest segments", _FAINT, small)
-        right = x + 12 * text
-        for label, at in (("id", x + 5 * text), ("points", right)):
-            pen.text((at, y + 1.6 * text), label, _FAINT, small, anchor="ra")
-        for row, (color, name, count) in enumerate(self._entries()):
-            line = y + round(1.6 * text * (row + 2))
-            pen.rectangle([x, line, x + text, line + text], color)
-            pen.text((x + 5 * text, line), name, _INK, font, anchor="ra")
-            pen.text((right, line), count, _INK, font, anchor="ra")
+        for entries in columns:
+            right = x + (_LEGEND_WIDTH - 1) * text
+            for label, at in (("id", x + 5 * text), ("points", right)):
+                pen.text((at, y + 1.6 * text), label, _FAINT, small, anchor="ra")
+            for row, (color, name, count) in enumerate(entries):
+                line = y + round(_LINE * text * (row + 2))
+                pen.rectangle([x, line, x + text, line + text], color)
+                pen.text((x + 5 * text, line), name, _INK, self._font(), anchor="ra")
+                pen.text((right, line), count, _INK, self._font(), anchor="ra")
+            x += (_LEGEND_WIDTH + 2) * text
 
     def _font(self, scale: float = 1.0) -> Any:
         return self._pillow.ImageFont.load_default(round(self._text * scale))
@@ -281,35 +275,9 @@ def _pillow() -> _Pillow:
 
 
 def round_length(length: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, … that is not above `length`."""
+    """Find the largest of 1, 2, 5, 10, 20, … that is not above `length`."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)) * power)
-
-
-def _hillshade(raster: Raster) -> Floats:
-    """Brightness around 1 of the relief, lit from the north-west at 45°; (rows, columns) float64."""
-    height = np.where(raster.height > -np.inf, raster.height, np.nan)
-    low, high = _height_range(raster.height)
-    # Flat scenes are exaggerated and steep ones calmed, so that both show relief.
-    exaggeration = 0.06 * max(raster.height.shape) * raster.pixel / (high - low)
-    slope_y, slope_x = (
-        np.nan_to_num((after - before) / (2 * raster.pixel)) * min(exaggeration, 4.0)
-        for before, after in _steps(height)
-    )
-    facing = (1 + slope_x * -0.7 + slope_y * -0.7) / np.sqrt(1 + slope_x**2 + slope_y**2) / np.sqrt(2)
-    level = np.nan_to_num((np.clip(height, low, high) - low) / (high - low))
-    lit: Floats = np.clip(0.35 + 0.75 * np.clip(facing, 0, 1.3) + 0.22 * (level - 0.4), 0.35, 1.25)
-    return lit
-
-
-def _steps(height: Floats) -> list[tuple[Floats, Floats]]:
-    padded = np.pad(height, 1, mode="edge")
-    return [(padded[:-2, 1:-1], padded[2:, 1:-1]), (padded[1:-1, :-2], padded[1:-1, 2:])]
-
-
-def _height_range(height: Floats) -> tuple[float, float]:
-    low, high = np.percentile(height[height > -np.inf], (1, 99))
-    return (float(low), float(high)) if high > low else (float(low) - 0.5, float(high) + 0.5)
 
 
 def _height_colors(level: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Union
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from ._core import SpanByScanLine, SpanByTime, SpanByWidth
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
-PathLike = Union[str, Path]
+PathLike = str | Path
 Spans = Any
 
 # Points that are handed to the core at a time.
@@ -45,6 +45,8 @@ class Source(NamedTuple):
 
 def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] | None = None) -> Source:
     """Make a `Source` of a path, several paths, a cloud, an array, or an iterable of arrays."""
+    if isinstance(source, Source):
+        return source
     if isinstance(source, Cloud):
         return _of_cloud(source, spans)
     if isinstance(source, (str, Path)):
@@ -130,3 +132,16 @@ def _of_iterable(source: Iterable[Any], spans: Spans) -> Source:
 
 def _has_attributes(item: Any) -> bool:
     return isinstance(item, tuple) and len(item) == 2 and isinstance(item[1], Mapping)
+
+
+def counted(source: Source, on_read: Callable[[int], None]) -> Source:
+    """Tell how many points have been read, chunk by chunk."""
+
+    def chunks() -> Iterator[CoreChunk]:
+        read = 0
+        for points, values in source.chunks():
+            read += len(np.asarray(points))
+            on_read(read)
+            yield points, values
+
+    return source._replace(chunks=chunks)

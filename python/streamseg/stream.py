@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Union
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ._core import Span as CoreSpan
 
 Ids = NDArray[np.int64]
-SpanBy = Union[SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine]
+SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
 Result = Literal["history", "carry", "final"]
 RESULTS = ("history", "carry", "final")
 
@@ -50,6 +50,8 @@ class Progress(NamedTuple):
     """Segments in scope."""
     segment_ids: int
     """Raw segment ids given."""
+    segments: int
+    """Segments there are, as far as is known: raw ids less joins."""
     weaving: float
     """Seconds that the weaver has taken."""
 

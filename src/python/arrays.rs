@@ -16,7 +16,9 @@ use crate::span::Chunk;
 pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
     let array: PyArrayLikeDyn<'_, f64, AllowTypeChange> = points.extract().map_err(|cause| {
         let given = points.get_type().name().map_or_else(|_| "object".into(), |name| name.to_string());
-        InvalidInput::new_err(format!("points is a {given} that is no array of numbers ({cause}), expected shape (n, 3)"))
+        InvalidInput::new_err(format!(
+            "points is a {given} that is no array of numbers ({cause}), expected shape (n, 3)"
+        ))
     })?;
     // An empty list is an empty cloud.
     if array.len() == 0 {
@@ -99,10 +101,7 @@ pub(super) fn real_positions<'py>(
 }
 
 /// An (n, N) array.
-pub(super) fn rows<T: Element, const N: usize>(
-    py: Python<'_>,
-    rows: Vec<[T; N]>,
-) -> PyResult<Bound<'_, PyArray2<T>>> {
+pub(super) fn rows<T: Element, const N: usize>(py: Python<'_>, rows: Vec<[T; N]>) -> PyResult<Bound<'_, PyArray2<T>>> {
     let shape = [rows.len(), N];
     rows.into_flattened().into_pyarray(py).reshape(shape)
 }

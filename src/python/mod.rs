@@ -1,8 +1,12 @@
 //! The Python module `streamseg._core`: checks, converts, lets go of the interpreter, calls the core, converts back.
 
+// Python hands its arguments over, and its docstrings are not Markdown.
+#![allow(clippy::needless_pass_by_value, clippy::doc_markdown)]
+
 mod arrays;
 mod errors;
 mod history;
+mod scenes;
 mod segmentors;
 mod spans;
 mod stream;
@@ -15,6 +19,8 @@ mod _core {
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]
+    #[pymodule_export]
+    use super::scenes::PyScene;
     #[pymodule_export]
     use super::segmentors::{PyProximity, PyWindow};
     #[pymodule_export]

@@ -1,7 +1,7 @@
 //! The built-in segmentors as Python classes, and the adapter that makes any Python object a segmentor.
 
-use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayLike1, PyUntypedArray, PyUntypedArrayMethods};
 use numpy::{AllowTypeChange, PyArray1, PyArray2};
+use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayLike1, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -193,7 +193,9 @@ impl Foreign {
         let untyped = array.cast::<PyUntypedArray>().map_err(PyErr::from)?;
         if untyped.shape() != [points] {
             let shape = array.getattr("shape")?.repr()?.to_string();
-            return Err(self.wrong(format!("returned labels of shape {shape}, expected ({points},): one label per point")));
+            return Err(
+                self.wrong(format!("returned labels of shape {shape}, expected ({points},): one label per point"))
+            );
         }
         if !matches!(untyped.dtype().kind(), b'i' | b'u' | b'b') {
             let given = untyped.dtype().to_string();

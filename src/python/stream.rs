@@ -121,16 +121,14 @@ impl PyPipeline {
         rows(py, windows.collect())
     }
 
-    /// Points out, windows woven, segments in scope, raw segment ids given, seconds of weaving.
-    fn progress(&self, py: Python<'_>) -> PyResult<(u64, u64, usize, i64, f64)> {
+    /// How far the run is: the fields of `streamseg.Progress`.
+    fn progress(&self, py: Python<'_>) -> PyResult<ProgressTuple> {
         py.detach(|| self.lock().map(|pipeline| tuple(&pipeline.progress())))
     }
 
     /// Entries of the point-segment and of the segment-segment table, counted one by one.
     fn live_entries(&self, py: Python<'_>) -> PyResult<(usize, usize)> {
-        py.detach(|| {
-            self.lock().map(|pipeline| (pipeline.weaver().live_points(), pipeline.weaver().live_segments()))
-        })
+        py.detach(|| self.lock().map(|pipeline| (pipeline.weaver().live_points(), pipeline.weaver().live_segments())))
     }
 }
 
@@ -148,12 +146,16 @@ impl PyPipeline {
     }
 }
 
-fn tuple(progress: &Progress) -> (u64, u64, usize, i64, f64) {
+/// Points out, windows woven, segments in scope, raw segment ids given, segments as far as is known, seconds of weaving.
+type ProgressTuple = (u64, u64, usize, i64, i64, f64);
+
+fn tuple(progress: &Progress) -> ProgressTuple {
     (
         progress.points,
         progress.windows,
         progress.live_segments,
         progress.segment_ids,
+        progress.segments,
         progress.weaving.as_secs_f64(),
     )
 }

@@ -12,8 +12,7 @@ pub enum Exactness {
         /// In units of the coordinates.
         reach: f64,
     },
-    /// Class B: equal as far as every decision had its whole neighborhood, which is not certified yet; pairs within
-    /// this reach have to share a window.
+    /// Class B: equal as far as every decision could be proven in a window; pairs within this reach have to share one.
     WithHalo {
         /// In units of the coordinates.
         reach: f64,
@@ -65,11 +64,14 @@ impl Exactness {
         let sentence = match (class, &shares) {
             ('A', Shares::Always) => "equal to the static result: every pair in reach shares a window",
             ('A', _) => "equal to the static result where every pair in reach shares a window",
-            ('B', _) => "near to the static result: decisions at the borders of windows are not certified",
+            ('B', Shares::Unknown) => "near to the static result: edges at the borders of windows are not proven",
+            ('B', _) => "near to the static result: at the borders of windows only proven edges join",
             _ => "no promise of equality with the static result: compare with segment_static",
         };
         let warning = match (&shares, size.overlap()) {
-            (_, 0) => Some("windows share no span, so segments are cut where a window ends; use an overlap of at least 1".into()),
+            (_, 0) => Some(
+                "windows share no span, so segments are cut where a window ends; use an overlap of at least 1".into(),
+            ),
             (Shares::NotAlways { overlap, reach }, _) => Some(format!(
                 "windows overlap by {overlap}, less than the distance {reach}: the result may differ from the static one; use wider spans or more overlap"
             )),

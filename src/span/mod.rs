@@ -12,8 +12,8 @@ mod validity;
 use crate::error::{Result, at_least_one, positive};
 use crate::lattice::Lattice;
 pub use cutter::Cutter;
-pub use direction::{Direction, Extent};
 pub(crate) use direction::SlabIndex;
+pub use direction::{Direction, Extent};
 pub use slabs::Slabs;
 pub use validity::{Invalid, checked};
 

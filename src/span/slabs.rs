@@ -24,14 +24,14 @@ pub struct Slabs<C> {
     slab_of: SlabIndex,
     lattice: Lattice,
     spool: Spool,
-    slabs: BTreeMap<i64, Slab>,
+    waiting: BTreeMap<i64, Slab>,
     index: u64,
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
-        let spool = Spool { file: None, waiting: 0, memory: SPOOL_MEMORY };
-        Self { chunks: Some(chunks), slab_of, lattice, spool, slabs: BTreeMap::new(), index: 0 }
+        let spool = Spool { file: None, bytes: 0, memory: SPOOL_MEMORY };
+        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting: BTreeMap::new(), index: 0 }
     }
 
     fn spool_all(&mut self, chunks: C) -> Result<()> {
@@ -41,14 +41,14 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
             for point in chunk?.points {
                 // A point with no valid position stays with the points it came with.
                 at = self.slab_of.of(&point).unwrap_or(at);
-                let slab = self.slabs.entry(at).or_default();
+                let slab = self.waiting.entry(at).or_default();
                 slab.point_ids.push(point_id);
                 slab.points.push(point);
                 point_id += 1;
-                self.spool.waiting += BYTES_PER_POINT;
+                self.spool.bytes += BYTES_PER_POINT;
             }
-            if self.spool.waiting >= self.spool.memory {
-                self.spool.write(&mut self.slabs).map_err(|e| Error::spool("written", e))?;
+            if self.spool.bytes >= self.spool.memory {
+                self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
             }
         }
         Ok(())
@@ -62,14 +62,14 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
         if let Some(chunks) = self.chunks.take()
             && let Err(error) = self.spool_all(chunks)
         {
-            self.slabs.clear();
+            self.waiting.clear();
             return Some(Err(error));
         }
-        let (at, slab) = self.slabs.pop_first()?;
+        let (at, slab) = self.waiting.pop_first()?;
         let index = self.index;
         self.index += 1;
         // Slabs passed over have no points, so the extent goes on to the next that has some.
-        let (first, end) = ((index > 0).then_some(at), self.slabs.keys().next().copied());
+        let (first, end) = ((index > 0).then_some(at), self.waiting.keys().next().copied());
         let extent = Some(self.slab_of.extent(first, end, &self.lattice));
         Some(match self.spool.read(slab) {
             Ok((point_ids, points)) => Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, extent }),
@@ -94,7 +94,7 @@ struct Extent {
 
 struct Spool {
     file: Option<File>,
-    waiting: usize,
+    bytes: usize,
     memory: usize,
 }
 
@@ -113,7 +113,7 @@ impl Spool {
             slab.written.push(Extent { start: end, points: points.len() });
             end += (points.len() * BYTES_PER_POINT) as u64;
         }
-        self.waiting = 0;
+        self.bytes = 0;
         writer.flush()
     }
 

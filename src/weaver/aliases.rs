@@ -142,12 +142,9 @@ impl Settling {
         mut on_settled: impl FnMut(SegmentId, SegmentId),
     ) -> Result<()> {
         while self.position > position {
-            let record = match self.block.pop() {
-                Some(record) => record,
-                None => {
-                    self.block = log.block_before(self.position)?;
-                    continue;
-                }
+            let Some(record) = self.block.pop() else {
+                self.block = log.block_before(self.position)?;
+                continue;
             };
             self.position -= 1;
             match record {

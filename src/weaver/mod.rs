@@ -50,6 +50,7 @@ pub struct Weaver {
     previous_first: u64,
     /// Late joins that no evicted span has told yet.
     untold: Vec<[SegmentId; 2]>,
+    joins: i64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -105,6 +106,7 @@ impl Default for Weaver {
             spans: VecDeque::new(),
             previous_first: 0,
             untold: Vec::new(),
+            joins: 0,
         }
     }
 }
@@ -128,6 +130,7 @@ impl Weaver {
         for row in self.segments.newest_pairs() {
             if let Some(join) = self.carry.join(row.segment_id, row.next_segment_id) {
                 self.aliases.join(join.id, join.becomes)?;
+                self.joins += 1;
                 if join.is_alias {
                     self.untold.push([join.id, join.becomes]);
                 }
@@ -223,6 +226,11 @@ impl Weaver {
     /// The id that the next new segment gets.
     pub fn next_id(&self) -> SegmentId {
         self.carry.next_id()
+    }
+
+    /// How many times two segments have become one.
+    pub fn joins(&self) -> i64 {
+        self.joins
     }
 
     /// How many points have an entry in the point-segment table, counted one by one.

@@ -82,9 +82,7 @@ impl Pairs {
             // Relaxed: the writers have been joined.
             .map(|place| (place.key.load(Ordering::Relaxed), place.shared.load(Ordering::Relaxed)))
             .filter(|&(key, _)| key != 0)
-            .map(|(key, shared)| {
-                (self.from_base + (key >> 32) as i64 - 1, ((key & 0xFFFF_FFFF) - 1) as i32, shared)
-            })
+            .map(|(key, shared)| (self.from_base + (key >> 32) as i64 - 1, ((key & 0xFFFF_FFFF) - 1) as i32, shared))
             .collect();
         pairs.sort_unstable();
         pairs
@@ -224,7 +222,10 @@ mod tests {
         table.push(1, 4, &[3, 4], &[(2, 0, 5), (2, 1, 6), (3, 1, 7)]);
         assert_eq!((table.live(), table.oldest_id()), (5, Some(1)));
         let row = |segment_id, next_segment_id, window, shared_points| SegmentRow {
-            segment_id, next_segment_id, window, shared_points,
+            segment_id,
+            next_segment_id,
+            window,
+            shared_points,
         };
         assert_eq!(table.evict_with(0), [row(1, NONE, NONE, 0)]);
         assert_eq!(table.evict_with(1), []);

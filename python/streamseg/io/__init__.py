@@ -6,8 +6,8 @@ segment id per point; `LabelSpool` keeps the ids in between; `read_labels` reads
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import FileError, InvalidInput
 from . import npy, text
@@ -16,6 +16,9 @@ from .labels import LabelSource, LabelSpool
 from .lattice import Lattice
 from .output import check_output
 from .sink import read_labels, write_labelled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = [
     "Chunk",

@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from numpy.typing import ArrayLike, NDArray
 
 NO_SEGMENT = -1
 SEGMENT_DIMENSION = "SegmentID"

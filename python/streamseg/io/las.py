@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Generator, Iterator, Sequence
-from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import FileError, InvalidInput, MissingExtra
 from . import laz
 from .cloud import Chunk, damage_sentence
 from .las_header import LASZIP_USER, LasHeader, header_stream, linear_unit
 
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
 try:
-    import laspy  # type: ignore[import-untyped]
+    import laspy
 except ImportError as error:  # pragma: no cover - depends on the installation
     raise MissingExtra("reading LAS and LAZ needs laspy; install it: pip install laspy[lazrs]") from error
 
@@ -116,13 +119,13 @@ class LasSource:
 
 
 def stored_fields(point_format: int) -> np.dtype[Any]:
-    """The packed record of a point format without extra bytes."""
+    """Return the packed record of a point format without extra bytes."""
     fields: np.dtype[Any] = laspy.PointFormat(point_format).dtype()
     return fields
 
 
 def new_header() -> LasHeader:
-    """An empty LAS 1.4 header for point format 6."""
+    """Make an empty LAS 1.4 header for point format 6."""
     stream = io.BytesIO()
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.global_encoding.wkt = True  # required from point format 6 on

@@ -13,11 +13,13 @@ import re
 import struct
 from dataclasses import dataclass, replace
 from math import isfinite
-from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import FileError
 from .lattice import Lattice, Triple
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 LASZIP_USER = b"laszip encoded"
 EXTRA_BYTES_USER, EXTRA_BYTES_RECORD = b"LASF_Spec", 4
@@ -56,7 +58,7 @@ class Vlr:
         return self.user == user and self.record_id == record_id
 
     def to_bytes(self) -> bytes:
-        """The record with its 54 byte header."""
+        """Return the record with its 54 byte header."""
         return _VLR.pack(self.reserved, self.user_id, self.record_id, len(self.data), self.description) + self.data
 
 
@@ -221,7 +223,7 @@ def find_evlrs(file: BinaryIO, header: LasHeader) -> list[Evlr]:
 
 
 def header_stream(header: LasHeader) -> BinaryIO:
-    """The header as a stream for a parser that only has to understand the dimensions: other records are left out."""
+    """Make a stream for a parser that only has to understand the dimensions: other records are left out."""
     described = header.find(EXTRA_BYTES_USER, EXTRA_BYTES_RECORD)
     header = replace(header, vlrs=() if described is None else (described,), tail=b"")
     if header.minor >= 4:

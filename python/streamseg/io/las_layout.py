@@ -5,17 +5,20 @@ Standard fields and extra bytes are moved as runs of bytes, never interpreted, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from .labels import SEGMENT_DIMENSION
 from .las import LasSource, stored_fields
 from .las_header import COPC_USER, EXTRA_BYTES_RECORD, EXTRA_BYTES_USER, LASZIP_USER, LasHeader, Vlr, new_vlr
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
 
 _INT64 = 8
 _SCALE_OR_OFFSET_BITS = 0b11000
@@ -122,7 +125,7 @@ def describe_extras(header: LasHeader, extras: Sequence[ExtraField]) -> LasHeade
 
 
 def segment_field() -> ExtraField:
-    """The dimension that streamseg adds: int64, −1 = none."""
+    """Describe the dimension that streamseg adds: int64, −1 = none."""
     descriptor = bytearray(_DESCRIPTOR_SIZE)
     descriptor[2] = _INT64
     name = SEGMENT_DIMENSION.encode()
@@ -133,7 +136,7 @@ def segment_field() -> ExtraField:
 
 
 def extra_fields(header: LasHeader, record_type: np.dtype[Any]) -> list[ExtraField]:
-    """The dimensions in a file's extra bytes, undescribed bytes included."""
+    """List the dimensions in a file's extra bytes, undescribed bytes included."""
     left = record_type.itemsize - stored_fields(header.point_format).itemsize
     fields: list[ExtraField] = []
     described = header.find(EXTRA_BYTES_USER, EXTRA_BYTES_RECORD)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from math import floor
-from typing import Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput, StreamsegWarning
 from . import laz
@@ -18,6 +16,11 @@ from .las import LasSource, new_header, stored_fields
 from .las_header import COPC_USER, LASZIP_USER, WAVEFORM_RECORD, Evlr, LasHeader, find_evlrs, new_vlr
 from .las_layout import describe_extras, labelled_layout, segment_field
 from .lattice import Lattice, Triple
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
 
 _COPIED_AT_ONCE = 1 << 20
 _RETURNS_AT = 14
@@ -204,7 +207,7 @@ def fitting_lattice(cloud: Cloud) -> Lattice:
         if not np.isfinite(chunk.points).all():
             raise InvalidInput(f"{cloud.paths[0]} has coordinates that are not finite numbers, which LAS cannot hold")
         low, high = np.minimum(low, chunk.points.min(axis=0)), np.maximum(high, chunk.points.max(axis=0))
-    offset = cast(Triple, tuple(float(floor(value)) for value in low))
+    offset = cast("Triple", tuple(float(floor(value)) for value in low))
     reach = float((high - np.asarray(offset)).max())
     extent = float((high - low).max())
     exponent = -3
@@ -233,7 +236,8 @@ def _as_int32(steps: NDArray[np.float64], lattice: Lattice, name: str) -> NDArra
 
 
 def _bytes_of(values: NDArray[Any]) -> NDArray[np.uint8]:
-    return values.view(np.uint8).reshape(len(values), -1)
+    bytes_per_row = values.itemsize * (values.shape[1] if values.ndim == 2 else 1)
+    return values.view(np.uint8).reshape(len(values), bytes_per_row)
 
 
 def _copy(source: BinaryIO, start: int, stop: int, target: BinaryIO) -> None:

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Generator, Iterable
-from typing import Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from ..errors import MissingExtra
 
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterable
+
 try:
-    import lazrs  # type: ignore[import-untyped]
+    import lazrs
 except ImportError as error:  # pragma: no cover - depends on the installation
     raise MissingExtra("reading and writing LAZ needs lazrs; install it: pip install laspy[lazrs]") from error
 
@@ -24,6 +26,11 @@ ALL_FIELDS = int(lazrs.SELECTIVE_DECOMPRESS_ALL)
 # A LAZ chunk has 50 000 points and is the unit of parallel work: smaller reads would run on one thread.
 _PARALLEL_BLOCK = 500_000
 _CORNERING_STEPS = (8192, 128, 1)
+
+_LAYERED = 3
+_ITEMS_AT = 32
+_EXTRA_BYTES_ITEM = 14  # one layer per byte
+_LAYERS_OF_ITEM = {10: 9, 11: 1, 12: 2, 13: 1}  # point, color, color and infrared, waveform
 
 # Point formats from 6 on are compressed in layers; a layer that is not asked for need not be decoded.
 _LAYERS = {
@@ -57,7 +64,7 @@ class LazPoints(NamedTuple):
     record_length: int
 
 
-class _Undecodable(Exception):
+class _DecodingError(Exception):
     """The decoder gave up."""
 
 
@@ -99,7 +106,11 @@ def decoded_blocks(
     if (mismatch := _record_mismatch(points)) is not None:
         return mismatch
     block = max(size, _PARALLEL_BLOCK)
-    has_table = _has_sound_chunk_table(file, points)
+    table = _sound_chunk_table(file, points)
+    has_table = table is not None
+    sound = _count_sound_points(file, points, table)
+    shortened = "the chunk after it is damaged" if sound < points.point_count else None
+    points = points._replace(point_count=min(sound, points.point_count))
     done, reason = 0, ""
     try:
         decoder = _open(file, points, has_table, parallel=has_table, fields=fields)
@@ -107,8 +118,8 @@ def decoded_blocks(
             decoded = _decode(decoder, points, min(block, points.point_count - done))
             yield decoded
             done += len(decoded) // points.record_length
-        return None
-    except _Undecodable as error:
+        return shortened
+    except _DecodingError as error:
         reason = str(error)
     stop = min(done + block, points.point_count)
     for step in _CORNERING_STEPS:
@@ -118,7 +129,7 @@ def decoded_blocks(
                 decoded = _decode(decoder, points, min(step, stop - done))
                 yield decoded
                 done += len(decoded) // points.record_length
-        except _Undecodable as error:
+        except _DecodingError as error:  # noqa: PERF203 - three rounds
             reason = str(error)
     return reason
 
@@ -175,13 +186,13 @@ def _guarded(call: Any) -> Any:
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # a Rust panic derives from BaseException only
-        raise _Undecodable(_in_words(str(error))) from None
+        raise _DecodingError(_in_words(str(error))) from None
 
 
 def _record_mismatch(points: LazPoints) -> str | None:
     try:
         length = int(_guarded(lambda: lazrs.LazVlr(points.record_data).item_size()))
-    except _Undecodable as error:
+    except _DecodingError as error:
         return str(error)
     if length == points.record_length:
         return None
@@ -192,7 +203,7 @@ def _in_words(message: str) -> str:
     return "unexpected end of data" if "fill whole buffer" in message else f"the decoder says: {message}"
 
 
-def _has_sound_chunk_table(file: BinaryIO, points: LazPoints) -> bool:
+def _sound_chunk_table(file: BinaryIO, points: LazPoints) -> list[tuple[int, int]] | None:
     """Check the table before lazrs believes it: sizes read from garbage would be allocated."""
     length = os.fstat(file.fileno()).st_size
     data_start = points.start + 8
@@ -204,18 +215,55 @@ def _has_sound_chunk_table(file: BinaryIO, points: LazPoints) -> bool:
             file.seek(length - 8)
             (table_start,) = struct.unpack("<q", file.read(8))
         if not data_start <= table_start <= length - 8:
-            return False
+            return None
         file.seek(table_start)
         _, chunks = struct.unpack("<II", file.read(8))
         if vlr.uses_variable_size_chunks():
             if chunks > points.point_count:
-                return False
+                return None
         elif chunks != -(-points.point_count // vlr.chunk_size()):
-            return False
+            return None
         file.seek(points.start)
-        table = lazrs.read_chunk_table(file, vlr)
+        table: list[tuple[int, int]] = lazrs.read_chunk_table(file, vlr)
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException:  # whatever is wrong with it, there is a way without
-        return False
-    return bool(sum(size for _, size in table) == table_start - data_start)
+        return None
+    return table if sum(size for _, size in table) == table_start - data_start else None
+
+
+def _count_sound_points(file: BinaryIO, points: LazPoints, table: list[tuple[int, int]] | None) -> int:
+    """Count the points in front of the first chunk whose layers do not fit into the file.
+
+    lazrs allocates as many bytes as a layer claims to have; damaged sizes would fill the memory. Chunks of the
+    older, unlayered kind claim nothing.
+    """
+    layer_count = _layers_per_chunk(points.record_data)
+    if layer_count == 0:
+        return points.point_count
+    layout = struct.Struct(f"<{1 + layer_count}I")
+    length = os.fstat(file.fileno()).st_size
+    at, counted, chunk = points.start + 8, 0, 0
+    while counted < points.point_count:
+        file.seek(at + points.record_length)  # a chunk starts with its first point, uncompressed
+        head = file.read(layout.size)
+        if len(head) < layout.size:
+            break
+        count, *sizes = layout.unpack(head)
+        size = points.record_length + layout.size + sum(sizes)
+        if count == 0 or at + size > length or (table is not None and size != table[chunk][1]):
+            break
+        at, counted, chunk = at + size, counted + count, chunk + 1
+        if table is not None and chunk == len(table):
+            break
+    return counted
+
+
+def _layers_per_chunk(record_data: bytes) -> int:
+    """Read from the laszip record how many compressed layers a chunk has; 0 for the unlayered kind."""
+    (compressor,) = struct.unpack_from("<H", record_data)
+    if compressor != _LAYERED:
+        return 0
+    (count,) = struct.unpack_from("<H", record_data, _ITEMS_AT)
+    items = [struct.unpack_from("<HH", record_data, _ITEMS_AT + 2 + 6 * index) for index in range(count)]
+    return sum(size if kind == _EXTRA_BYTES_ITEM else _LAYERS_OF_ITEM.get(kind, 0) for kind, size in items)

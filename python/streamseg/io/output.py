@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from uuid import uuid4
 
 from ..errors import FileError, InvalidParameter, OutputExists
 from .text import SUFFIXES as TEXT_SUFFIXES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
 OUTPUT_SUFFIXES = (".las", ".laz", ".npy", *TEXT_SUFFIXES)
 
@@ -67,7 +69,7 @@ def replacing(out: Path) -> Iterator[BinaryIO]:
     try:
         with open(part, "x+b") as file:
             guard = _ErrorKeeper(file)
-            yield cast(BinaryIO, guard)
+            yield cast("BinaryIO", guard)
         part.replace(out)
     except BaseException as error:
         with suppress(OSError):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from .sink import read_labels
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
 
 Ids = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -19,6 +21,7 @@ _SAMPLED_POINTS = 400_000
 _ROBUST_PERCENT = 0.1
 _OUTLIER_STRETCH = 1.3
 _LARGEST_DOT = 8
+_NEAR_PIXELS = (1, 2, 4, 8)
 _BLOCK = 16
 
 
@@ -111,6 +114,58 @@ def fill_gaps(raster: Raster) -> Raster:
             grown_ids[target][better] = ids[source][better]
         height, ids = grown, grown_ids
     return raster._replace(height=height, ids=ids)
+
+
+def touching(index: NDArray[np.intp], shown: Ids) -> list[NDArray[np.intp]]:
+    """For each segment those that come within a few pixels of it."""
+    keys = []
+    for distance in _NEAR_PIXELS:
+        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            if distance >= min(index.shape) and distance > 1:
+                continue
+            one, other = shifted(index.shape, dy * distance, dx * distance)
+            a, b = index[one], index[other]
+            meet = (a != b) & (shown[a] >= 0) & (shown[b] >= 0)
+            first, second = a[meet].astype(np.int64), b[meet].astype(np.int64)
+            keys.append(np.unique(first * len(shown) + second))
+            keys.append(np.unique(second * len(shown) + first))
+    pairs = np.unique(np.concatenate(keys))
+    first, second = np.divmod(pairs, len(shown))
+    return np.split(second, np.searchsorted(first, np.arange(1, len(shown))))
+
+
+def hillshade(raster: Raster) -> Floats:
+    """Brightness of the relief, lit from the north-west: 1 on flat ground, (rows, columns) float64."""
+    drawn = raster.height > -np.inf
+    low, high = height_range(raster.height)
+    height = _smoothed(np.where(drawn, np.clip(raster.height, low, high), 0.0), drawn)
+    # Flat scenes are exaggerated and steep ones calmed, so that both show relief.
+    exaggeration = min(0.06 * max(height.shape) * raster.pixel / (high - low), 4.0)
+    padded = np.pad(height, 1, mode="edge")
+    south = np.nan_to_num((padded[2:, 1:-1] - padded[:-2, 1:-1]) / (2 * raster.pixel)) * exaggeration
+    east = np.nan_to_num((padded[1:-1, 2:] - padded[1:-1, :-2]) / (2 * raster.pixel)) * exaggeration
+    # The dot product of the surface's upward normal and the light, relative to flat ground.
+    facing = (1 + 0.7 * (south + east)) / np.sqrt(1 + south**2 + east**2)
+    level = np.where(drawn, (raster.height - low) / (high - low), 0.0).clip(0, 1)
+    lit: Floats = (0.45 + 0.55 * facing.clip(0, 1.6) + 0.15 * (level - 0.4)).clip(0.42, 1.35)
+    return lit
+
+
+def height_range(height: Floats) -> tuple[float, float]:
+    """Lowest and highest height to tell apart: the percentiles 1 and 99 of what is drawn."""
+    low, high = np.percentile(height[height > -np.inf], (1, 99))
+    return (float(low), float(high)) if high > low else (float(low) - 0.5, float(high) + 0.5)
+
+
+def _smoothed(height: Floats, drawn: NDArray[np.bool_]) -> Floats:
+    """Mean of each drawn pixel and its drawn neighbors; NaN elsewhere."""
+    total, weight = 2 * height, 2.0 * drawn
+    for dy, dx in DIRECTIONS:
+        target, source = shifted(height.shape, dy, dx)
+        total[target] += height[source]
+        weight[target] += drawn[source]
+    mean: Floats = np.where(drawn, total / np.maximum(weight, 1), np.nan)
+    return mean
 
 
 DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1))

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from .cloud import DEFAULT_CHUNK, Cloud
@@ -16,6 +14,11 @@ from .output import check_output, replacing
 from .text import SUFFIXES as TEXT_SUFFIXES
 from .text import TextSource
 from .text_sink import CoordinateSink, IdSink, LineSink
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
 
 
 class _Sink(Protocol):
@@ -122,7 +125,7 @@ def read_labels(
         raise InvalidInput(f"{path} holds no {SEGMENT_DIMENSION}; give a labelled LAS, LAZ or text file")
     name = SEGMENT_DIMENSION
     if cloud.kind == "text" and name not in cloud.dimensions:
-        source = cast(TextSource, cloud.sources[0])
+        source = cast("TextSource", cloud.sources[0])
         if source.layout.header is not None or len(cloud.dimensions) < 4:
             raise InvalidInput(f"{path} has no column {name}; there are: {', '.join(cloud.dimensions)}")
         name = cloud.dimensions[-1]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterator, Sequence
 from itertools import islice
-from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import FileError, InvalidInput
 from .cloud import Chunk
 from .lattice import Lattice
+
+if TYPE_CHECKING:
+    from collections.abc import Generator, Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
 
 SUFFIXES = (".xyz", ".txt", ".csv", ".pts", ".asc")
 
@@ -152,7 +155,7 @@ def _sniff(path: Path) -> tuple[TextLayout, bool]:
             skipped += 1
     delimiter = _delimiter(line if line is not None else header or "")
     joiner = delimiter or ("\t" if "\t" in (line or "") else " ")
-    names, xyz = _columns(path, header, line, delimiter)
+    names, xyz = _columns(header, line, delimiter)
     return TextLayout(delimiter, joiner, skipped, header, names, xyz), line is None
 
 
@@ -178,7 +181,7 @@ def _is_number(text: str) -> bool:
 
 
 def _columns(
-    path: Path, header: str | None, line: str | None, delimiter: str | None
+    header: str | None, line: str | None, delimiter: str | None
 ) -> tuple[tuple[str, ...], tuple[int, int, int]]:
     width = len(_split(line, delimiter)) if line is not None else 3
     default = ("x", "y", "z", *(f"column_{i}" for i in range(4, width + 1)))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from decimal import Decimal
-from typing import Any, BinaryIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.lib import format as npy_format
-from numpy.typing import NDArray
 
-from .cloud import Cloud
 from .labels import NO_SEGMENT, SEGMENT_DIMENSION
-from .npy import NpySource
-from .text import TextSource
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from .cloud import Cloud
+    from .npy import NpySource
+    from .text import TextSource
 
 _POINTS_AT_ONCE = 100_000
 _MOST_DECIMALS = 12

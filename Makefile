@@ -1,0 +1,80 @@
+# Every habit of this project is a target. `make help` lists them.
+#
+# The first target that needs it makes a Python environment in .venv and builds the package into it. Nothing is
+# installed outside the checkout but the Rust crates in cargo's own cache.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.rs')
+READY := $(VENV)/.ready
+BUILT := $(VENV)/.built
+
+help: ## this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+demo: $(BUILT) ## make a scene, segment it as a stream, leave pictures and files in demo/
+	@$(BIN)/streamseg demo demo
+
+test: lint test-rust test-python ## every check and every test
+
+lint: $(BUILT) ## format, lints, types and stubs; any warning fails
+	cargo fmt --check
+	cargo clippy --quiet --all-targets -- -D warnings
+	cargo clippy --quiet --features python -- -D warnings
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest streamseg._core
+
+test-rust: check-tools ## the core, without Python
+	cargo test --quiet
+	LOOM_MAX_PREEMPTIONS=2 RUSTFLAGS="--cfg loom" cargo test --quiet --release --target-dir target/loom --test weaver_model
+
+test-python: $(BUILT) ## the package, on real clouds too (STREAMSEG_DATA)
+	$(BIN)/python -m pytest --quiet
+
+bench: check-tools ## points per second of segmentor, weaver and pipeline
+	cargo bench
+
+figures: $(BUILT) ## the paper's figures 5 and 6, into figures/
+	$(BIN)/python benches/figures.py --out figures
+
+model: check-tools ## every interleaving of the look-up tables (minutes)
+	RUSTFLAGS="--cfg loom" cargo test --release --target-dir target/loom --test weaver_model
+
+fuzz: $(BUILT) ## the properties with many more cases (an hour)
+	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test weaver_twin
+	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
+
+soak: $(BUILT) ## memory and speed on long clouds, beside scipy
+	$(BIN)/python benches/memory.py
+	$(BIN)/python benches/peers.py
+
+wheel: check-tools ## a wheel for any Python from 3.10 on, in dist/
+	$(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist .
+
+clean: ## remove what was built
+	rm -rf target $(VENV) demo dist figures
+
+$(BUILT): $(READY) $(SOURCES)
+	@$(BIN)/maturin develop --quiet --release
+	@touch $@
+
+$(READY): pyproject.toml | check-tools
+	@$(PYTHON) -m venv $(VENV) || { echo "streamseg: $(PYTHON) cannot make environments; install its venv module (on Debian: apt install python3-venv)"; exit 1; }
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --group dev "laspy[lazrs]>=2.6,<3" typer rich pyarrow pillow
+	@touch $@
+
+check-tools:
+	@command -v $(PYTHON) >/dev/null || { echo "streamseg: needs Python 3.10 or newer as '$(PYTHON)'; get it from your system's packages, or name another with PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "streamseg: needs Python 3.10 or newer, '$(PYTHON)' is $$($(PYTHON) -V); name another with PYTHON=..."; exit 1; }
+	@command -v cargo >/dev/null || { echo "streamseg: needs a Rust toolchain (cargo); get it with rustup, see https://rustup.rs"; exit 1; }
+
+.PHONY: help demo test lint test-rust test-python bench figures model fuzz soak wheel clean check-tools
