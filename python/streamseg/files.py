@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
+from .errors import InvalidInput
 from .history import History
 from .io import LabelSpool, check_output, open_cloud, write_labelled
 from .source import PathLike, counted, open_source
@@ -162,12 +163,27 @@ def resolve_file(
     ------
     FileError, InvalidInput, OutputExists
         If the history or the input cannot be read, they do not belong together, or the output cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss, tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> np.save(f"{folder}/in.npy", np.zeros((5, 3)))
+    >>> past = f"{folder}/history"
+    >>> _ = ss.segment_file(f"{folder}/in.npy", f"{folder}/out.npy", ss.Proximity(1.0), history=past)
+    >>> ss.resolve_file(past, f"{folder}/in.npy", f"{folder}/again.npy")
+    5
     """
     paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
     output = Path(output)
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)
+    if cloud.point_count is not None and past.manifest["points"] > cloud.point_count:
+        raise InvalidInput(
+            f"{history} is the history of {past.manifest['points']:,} points, "
+            f"{', '.join(map(str, paths))} has {cloud.point_count:,}; give the input that the history was made from"
+        )
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve():
             labels.add(point_ids, segment_ids)

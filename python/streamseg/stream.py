@@ -109,6 +109,7 @@ class Stream:
         self._core = core
         self._result = result
         self._history = history
+        self._stopped = False
         self._ended = False
         self._settlement: Settlement | None = None
         if result == "final":
@@ -166,6 +167,7 @@ class Stream:
 
     def stop(self) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out."""
+        self._stopped = True
         self._core.stop()
 
     def close(self) -> None:
@@ -186,7 +188,7 @@ class Stream:
             span = next(self._core)
         except StopIteration:
             damage = self._source.damage()
-            self._end(complete=damage is None)
+            self._end(complete=damage is None and not self._stopped)
             if damage:
                 warnings.warn(damage, StreamsegWarning, stacklevel=3)
             raise
