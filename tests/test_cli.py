@@ -139,8 +139,9 @@ def test_a_narrow_span_is_warned_of(run: Run, strip: Path) -> None:
 def test_what_comes_before_damage_is_written(run: Run, strip: Path, tmp_path: Path) -> None:
     # LAZ of point format 6 comes in chunks of 50 000; the older formats break off at a point.
     new = laspy.read(strip)
-    old = laspy.create(point_format=1, file_version="1.2")
-    old.header.scales, old.header.offsets = new.header.scales, new.header.offsets
+    header = laspy.LasHeader(point_format=1, version="1.2")
+    header.scales, header.offsets = new.header.scales, new.header.offsets
+    old = laspy.LasData(header)
     old.X, old.Y, old.Z = new.X, new.Y, new.Z
     old.write(tmp_path / "old.laz")
     cut = (tmp_path / "old.laz").read_bytes()

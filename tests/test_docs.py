@@ -67,7 +67,7 @@ def test_docstring_examples(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(ss.__all__))
 def test_everything_public_is_documented(name: str) -> None:
     public = getattr(ss, name)
-    assert public.__doc__
+    assert public.__doc__ is not None
     if callable(public) and name[0].islower():
         assert "Parameters\n" in public.__doc__ or "Parameters" in public.__doc__
         assert "Examples" in public.__doc__ or name == "preview"

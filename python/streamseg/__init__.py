@@ -5,7 +5,7 @@
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints
+from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
 from .errors import (
     FileError,
     InvalidInput,
@@ -20,8 +20,6 @@ from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
 from .stream import Progress, Span, Stream, segment, segment_static, stream
-
-__version__ = "0.1.0"
 
 __all__ = [
     "FileError",
@@ -44,6 +42,7 @@ __all__ = [
     "StreamsegWarning",
     "Window",
     "WindowPoints",
+    "__version__",
     "preview",
     "resolve_file",
     "scenes",

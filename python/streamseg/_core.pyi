@@ -24,8 +24,11 @@ __all__ = [
     "SpanByWidth",
     "Window",
     "WindowPoints",
+    "__version__",
     "default_spans",
 ]
+
+__version__: str
 
 def default_spans(segmentor: Any) -> Any: ...
 

@@ -237,7 +237,7 @@ def export(
 @app.command()
 def demo(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to leave what it makes.")] = Path("demo"),
-    points: Annotated[int, typer.Option(min=1000, help="Points of the scene.")] = 1_000_000,
+    points: Annotated[int, typer.Option(min=1000, help="Points of the scene.")] = 600_000,
     seed: Annotated[int, typer.Option(min=0, help="Which scene.")] = 7,
 ) -> None:
     """Make a scene, segment it as a stream, and leave what there is to look at in DIR."""

@@ -143,7 +143,7 @@ def _prepare(folder: Path, overwrite: bool) -> None:
         if not (folder / MANIFEST).is_file() and (not folder.is_dir() or any(folder.iterdir())):
             raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
         if (folder / MANIFEST).is_file() and not overwrite:
-            raise OutputExists(f"the history {folder} exists; give another folder, or replace it with overwrite=True (--overwrite)")
+            raise OutputExists(f"the history {folder} exists; give another folder, or overwrite=True (--overwrite)")
     try:
         for table in _COLUMNS:
             shutil.rmtree(folder / table, ignore_errors=True)
@@ -235,7 +235,7 @@ class History:
         for table in _COLUMNS:
             path = Path(folder) / f"{table}.csv"
             if path.exists() and not overwrite:
-                raise OutputExists(f"{path} exists; give another folder, or replace it with overwrite=True (--overwrite)")
+                raise OutputExists(f"{path} exists; give another folder, or overwrite=True (--overwrite)")
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 with pyarrow.csv.CSVWriter(path, self._schema(table)) as writer:

@@ -30,7 +30,9 @@ pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
         let shape = shape.join(", ");
         return Err(InvalidInput::new_err(format!("points has shape ({shape}{comma}), expected (n, 3): x, y and z")));
     }
-    if let Ok(values) = array.as_slice() {
+    if array.is_c_contiguous()
+        && let Ok(values) = array.as_slice()
+    {
         return Ok(bytemuck::cast_slice(values).to_vec());
     }
     let view = array.as_array();

@@ -16,6 +16,11 @@ use pyo3::prelude::*;
 /// The compiled core of streamseg.
 #[pymodule]
 mod _core {
+    /// The version of the package.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // the name that Python people look for
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]
