@@ -12,8 +12,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := Cargo.toml Cargo.lock pyproject.toml $(shell find src -name '*.rs')
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 READY := $(VENV)/.ready
 BUILT := $(VENV)/.built
+TOOLS := $(VENV)/.tools
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -23,7 +25,7 @@ demo: $(BUILT) ## make a scene, segment it as a stream, leave pictures and files
 
 test: lint test-rust test-python ## every check and every test
 
-lint: $(BUILT) ## format, lints, types and stubs; any warning fails
+lint: $(BUILT) $(TOOLS) ## format, lints, types and stubs; any warning fails
 	cargo fmt --check
 	cargo clippy --quiet --all-targets -- -D warnings
 	cargo clippy --quiet --features python -- -D warnings
@@ -36,23 +38,23 @@ test-rust: check-tools ## the core, without Python
 	cargo test --quiet
 	LOOM_MAX_PREEMPTIONS=2 RUSTFLAGS="--cfg loom" cargo test --quiet --release --target-dir target/loom --test weaver_model
 
-test-python: $(BUILT) ## the package, on real clouds too (STREAMSEG_DATA)
+test-python: $(BUILT) $(TOOLS) ## the package, on real clouds too (STREAMSEG_DATA)
 	$(BIN)/python -m pytest --quiet
 
 bench: check-tools ## points per second of segmentor, weaver and pipeline
 	cargo bench
 
-figures: $(BUILT) ## the paper's figures 5 and 6, into figures/
+figures: $(BUILT) $(TOOLS) ## the paper's figures 5 and 6, into figures/
 	$(BIN)/python benches/figures.py --out figures
 
 model: check-tools ## every interleaving of the look-up tables (minutes)
 	RUSTFLAGS="--cfg loom" cargo test --release --target-dir target/loom --test weaver_model
 
-fuzz: $(BUILT) ## the properties with many more cases (an hour)
-	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test weaver_twin
+fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
+	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test weaver_is_sequential
 	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
 
-soak: $(BUILT) ## memory and speed on long clouds, beside scipy
+soak: $(BUILT) $(TOOLS) ## memory and speed on long clouds, beside scipy
 	$(BIN)/python benches/memory.py
 	$(BIN)/python benches/peers.py
 
@@ -63,13 +65,20 @@ clean: ## remove what was built
 	rm -rf target $(VENV) demo dist figures
 
 $(BUILT): $(READY) $(SOURCES)
-	@$(BIN)/maturin develop --quiet --release
+	@echo "building streamseg (the first time takes a minute or two) ..."
+	@PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/maturin develop --release --extras all \
+		>$(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 	@touch $@
 
 $(READY): pyproject.toml | check-tools
 	@$(PYTHON) -m venv $(VENV) || { echo "streamseg: $(PYTHON) cannot make environments; install its venv module (on Debian: apt install python3-venv)"; exit 1; }
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --group dev "laspy[lazrs]>=2.6,<3" typer rich pyarrow pillow
+	@$(PIP) install --upgrade "pip>=25.1"
+	@$(PIP) install "maturin>=1.9.4,<2"
+	@touch $@
+
+$(TOOLS): $(READY)
+	@echo "installing what the checks and the tests need ..."
+	@$(PIP) install --group dev
 	@touch $@
 
 check-tools:

@@ -75,7 +75,8 @@ impl Carry {
         self.parent[lost as usize] = kept;
         let (first, second) = (self.whole[kept as usize], self.whole[lost as usize]);
         let (winner, loser) = if first.0 < second.0 { (first, second) } else { (second, first) };
-        self.whole[kept as usize] = winner;
+        // An alias names the winner, so the winner's own end has to be told as well.
+        self.whole[kept as usize] = (winner.0, winner.1 || loser.1);
         Some(Join { id: loser.0, becomes: winner.0, is_alias: loser.1 })
     }
 

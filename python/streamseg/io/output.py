@@ -50,7 +50,7 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
             if Path(path).exists() and out.samefile(path):
                 raise InvalidParameter(f"output {out} is the input {path}; give the output another name")
         if not overwrite:
-            raise OutputExists(f"{out} exists already; give another name, or replace it with overwrite=True (--overwrite)")
+            raise OutputExists(f"{out} exists already; give another name, or overwrite=True (--overwrite)")
     if not os.access(out.parent, os.W_OK | os.X_OK):
         raise FileError(f"cannot write {out}: no permission to write into the folder {out.parent.resolve()}")
 
