@@ -57,7 +57,7 @@ impl Stream {
             };
             self.next_window += 1;
             self.next_span = woven.first_span + window.span_points.len() as u64;
-            let evicted = self.weaver.weave(&woven, crew).expect("room for the log of joins");
+            let evicted = self.weaver.weave(&woven, crew);
             points += evicted.iter().map(|span| span.raw_ids.len()).sum::<usize>();
         }
         points

@@ -27,12 +27,16 @@ impl Crew {
     /// # Errors
     /// If there is none, or the system gives none.
     pub fn new(threads: usize) -> Result<Self> {
-        at_least_one("threads", threads)?;
-        if threads == 1 {
-            return Ok(Self { pool: None, threads });
+        if at_least_one("threads", threads)? == 1 {
+            return Ok(Self::of_one());
         }
         let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("streamseg-{i}")).build();
         Ok(Self { pool: Some(pool.map_err(|e| Error::Foreign(e.into()))?), threads })
+    }
+
+    /// The caller's own thread.
+    pub fn of_one() -> Self {
+        Self { pool: None, threads: 1 }
     }
 
     /// How many threads there are.

@@ -30,6 +30,24 @@ pub enum Error {
         /// Its coordinates.
         position: [f64; 3],
     },
+    /// An attribute that spans are cut by is not a number.
+    #[error("{name} of point {point_id} is {value}, expected a finite number; spans cannot be cut by it")]
+    Attribute {
+        /// The attribute's name.
+        name: &'static str,
+        /// The first such point.
+        point_id: i64,
+        /// Its value.
+        value: f64,
+    },
+    /// A history tells of a segment that cannot be.
+    #[error(
+        "the history tells of segment {segment_id} where it cannot be; it is damaged, or its parts are out of order"
+    )]
+    DamagedHistory {
+        /// The segment's id.
+        segment_id: i64,
+    },
     /// A live source went backwards along the direction of its spans.
     #[error(
         "point {point_id} goes back along the direction of the spans, from slab {from} to slab {to}; a live source has to be sorted along it: use spans by count or time, or give the cloud as a file or an array"

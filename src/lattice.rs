@@ -20,6 +20,9 @@ pub struct Lattice {
 /// Coordinates beyond this are refused: their squares would lose their meaning.
 const LARGEST_COORDINATE: f64 = 1e60;
 
+/// Horizontal coordinates nearer to zero than this (2⁻¹⁴²) count as zero.
+const SMALLEST_COORDINATE: f64 = 1.793_662_034_335_766e-43;
+
 /// Relative slack on a squared distance. It outweighs the rounding of `d²`, of the scale and of three products (some
 /// 1e-15) and stays below one lattice step for distances up to 10⁶ steps.
 const SQUARED_SLACK: f64 = 1e-12;
@@ -66,12 +69,13 @@ impl Lattice {
     }
 
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
-    /// have equal bits.
+    /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]
     pub(crate) fn horizontal(&self, point: &[f64; 3]) -> [f64; 2] {
         let scale = if self.scale[0] == self.scale[1] { [1.0; 2] } else { [self.scale[0], self.scale[1]] };
-        // Adding zero makes 0 of −0.
-        [point[0] * scale[0] + 0.0, point[1] * scale[1] + 0.0]
+        // At such a size only zero is meant, and triangulators refuse it. Adding zero makes 0 of −0.
+        let flat = |c: f64| if c.abs() < SMALLEST_COORDINATE { 0.0 } else { c + 0.0 };
+        [flat(point[0] * scale[0]), flat(point[1] * scale[1])]
     }
 }
 

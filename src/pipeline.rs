@@ -88,7 +88,8 @@ struct SegmentedWindow {
 }
 
 impl Pipeline {
-    /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`.
+    /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`. A segmentor that cannot label
+    /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         Self {
             spans: Some(spans),
@@ -117,6 +118,11 @@ impl Pipeline {
     /// Asks the source for no further span: those that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
         self.spans = None;
+    }
+
+    /// Whether nothing more will come out: no span and no failure.
+    pub fn is_ended(&self) -> bool {
+        self.finished && self.ready.is_empty() && self.failure.is_none()
     }
 
     /// The windows woven since this was last asked.
@@ -180,6 +186,11 @@ impl Pipeline {
         let (index, spans) = (window.index(), window.spans().to_vec());
         let labels = self.crew.start(move || {
             let labels = segmentor.segment(&window)?;
+            let (given, points) = (labels.of_points().len(), window.points().len());
+            if given != points {
+                let problem = format!("returned {given} labels for window {index} of {points} points");
+                return Err(Error::Labels { segmentor: segmentor.name().into(), problem });
+            }
             Ok(match window.valid() {
                 Some(valid) => labels.spread(valid, window.len()),
                 None => labels,
@@ -204,7 +215,7 @@ impl Pipeline {
         let first_span = spans.first().map_or(0, |span| span.index);
         let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels };
         let first_segment_id = self.weaver.next_id();
-        let evicted = self.weaver.weave(&window, &self.crew)?;
+        let evicted = self.weaver.weave(&window, &self.crew);
         self.progress.weaving += begun.elapsed();
         self.woven.push_back(WovenWindow {
             index,

@@ -23,7 +23,6 @@ KEPT_FIELDS = (
     "offsets",
     "system_identifier",
     "generating_software",
-    "creation_date",
     "uuid",
     "file_source_id",
     "extra_header_bytes",
@@ -91,6 +90,8 @@ def assert_kept(before: Path, after: Path) -> laspy.LasData:
             assert np.array_equal(np.array(new.points[name]), np.array(old.points[name])), name
     for field in KEPT_FIELDS:
         assert np.all(getattr(new.header, field) == getattr(old.header, field)), field
+    if old.header.creation_date is not None:  # laspy dates what has no date
+        assert new.header.creation_date == old.header.creation_date
     assert new.header.global_encoding.value == old.header.global_encoding.value
     assert new.point_format.id == old.point_format.id
     assert records_of(new.header) == records_of(old.header)
@@ -168,13 +169,15 @@ def test_a_segment_dimension_of_another_type_makes_way_for_int64(tmp_path: Path)
     assert np.array_equal(new["tail"], np.arange(10)[::-1])
 
 
-def test_undescribed_extra_bytes_are_kept(tmp_path: Path) -> None:
-    path = tmp_path / "a.las"
+@pytest.mark.parametrize("count", [1, 3, 8, 300])
+def test_undescribed_extra_bytes_are_kept(tmp_path: Path, count: int) -> None:
+    """Even more than the 255 that a description can speak of."""
+    path, stored = tmp_path / "a.las", np.random.default_rng(8).integers(0, 256, (20, count), np.uint8).squeeze()
     header = laspy.LasHeader(point_format=0, version="1.2")
-    header.add_extra_dim(laspy.ExtraBytesParams("mine", "3u1"))
+    header.add_extra_dim(laspy.ExtraBytesParams("mine", f"{count}u1"))
     las = laspy.LasData(header)
     las.X = np.arange(20)
-    las["mine"] = np.arange(60).reshape(20, 3)
+    las.points.array["mine"] = stored
     las.write(str(path))
     raw = bytearray(path.read_bytes())
     raw[227 + 2 : 227 + 18] = b"nobody".ljust(16, b"\0")  # hides the record that describes them
@@ -182,7 +185,7 @@ def test_undescribed_extra_bytes_are_kept(tmp_path: Path) -> None:
     assert list(laspy.read(path).point_format.extra_dimension_names) == ["ExtraBytes"]
     write_labelled(open_cloud(path), tmp_path / "b.las", Labels())
     new = laspy.read(tmp_path / "b.las")
-    assert np.array_equal(np.array(new["ExtraBytes"]), np.arange(60).reshape(20, 3))
+    assert np.array_equal(new.points.array["ExtraBytes"], stored)
     assert np.array_equal(new["SegmentID"], ids_of(20))
 
 
@@ -200,13 +203,59 @@ def test_extended_records_are_kept_and_those_of_copc_dropped(tmp_path: Path) -> 
     ]
 
 
-def test_an_unset_creation_date_stays_unset(tmp_path: Path) -> None:
-    path = write_las(tmp_path / "a.las", point_format=1)
-    raw = bytearray(path.read_bytes())
-    raw[90:94] = bytes(4)
+def test_payloads_are_kept_byte_by_byte(tmp_path: Path) -> None:
+    """Also those that laspy understands and would write in its own way."""
+    lookup, keys = b"\x02gr\xfbn-d".ljust(16, b"\0") * 2, struct.pack("<12H", 1, 1, 0, 9, *[3072, 0, 1, 26904] * 2)
+    vlrs = [laspy.VLR("LASF_Spec", 0, "classes", lookup), laspy.VLR("LASF_Projection", 34735, "keys", keys)]
+    before = write_las(tmp_path / "a.las")
+    las = laspy.read(before)
+    las.vlrs.extend(vlrs)
+    las.write(before)
+    write_labelled(open_cloud(before), tmp_path / "b.laz", Labels())
+    for vlr in vlrs:
+        assert vlr.record_data in before.read_bytes()
+        assert vlr.record_data in (tmp_path / "b.laz").read_bytes()
+
+
+def test_descriptions_of_extra_dimensions_are_kept(tmp_path: Path) -> None:
+    header = laspy.LasHeader(point_format=6)
+    header.add_extra_dim(laspy.ExtraBytesParams("plain", "i2", "in cm", no_data=[-7]))
+    header.add_extra_dim(
+        laspy.ExtraBytesParams("scaled", "3i4", "three", offsets=[0.1, 0.2, 0.3], scales=[0.001, 0.003, 0.007])
+    )
+    las = laspy.LasData(header)
+    las.X = np.arange(1000)
+    stored = np.random.default_rng(5).integers(-(2**31), 2**31, (1000, 3), np.int32)
+    las.points.array["scaled"] = stored
+    las.write(tmp_path / "a.las")
+    write_labelled(open_cloud(tmp_path / "a.las"), tmp_path / "b.laz", Labels())
+    new = laspy.read(tmp_path / "b.laz")
+    assert np.array_equal(new.points.array["scaled"], stored)
+    plain, scaled, segment = new.header.vlrs.get("ExtraBytesVlr")[0].extra_bytes_structs
+    assert (plain.description, plain.no_data.tolist()) == (b"in cm", [-7])
+    assert (list(scaled.scale), list(scaled.offset)) == ([0.001, 0.003, 0.007], [0.1, 0.2, 0.3])
+    assert (segment.name, segment.min, segment.max, segment.no_data) == (b"SegmentID", None, None, None)
+
+
+@pytest.mark.parametrize("minor", [3, 4])
+def test_waveforms_are_kept_and_found(tmp_path: Path, minor: int) -> None:
+    header, path = laspy.LasHeader(version=f"1.{minor}", point_format=4), tmp_path / "a.las"
+    header.global_encoding.waveform_data_packets_internal = True
+    las = laspy.LasData(header)
+    las.X = np.arange(10)
+    las.write(path)
+    raw, waves = bytearray(path.read_bytes()), bytes(range(256)) * 300
+    struct.pack_into("<Q", raw, 227, len(raw))
+    if minor == 4:
+        struct.pack_into("<QI", raw, 235, len(raw), 1)
+    raw += struct.pack("<2x16sHQ32s", b"LASF_Spec", 65535, len(waves), b"waves") + waves
     path.write_bytes(raw)
     write_labelled(open_cloud(path), tmp_path / "b.las", Labels())
-    assert (tmp_path / "b.las").read_bytes()[90:94] == bytes(4)
+    written = (tmp_path / "b.las").read_bytes()
+    (at,) = struct.unpack_from("<Q", written, 227)
+    assert struct.unpack_from("<2x16sHQ", written, at) == (b"LASF_Spec".ljust(16, b"\0"), 65535, len(waves))
+    assert written[at + 60 :] == waves
+    assert np.array_equal(laspy.read(tmp_path / "b.las")["SegmentID"], ids_of(10))
 
 
 def test_points_that_were_not_reached_are_left_out(tmp_path: Path) -> None:
@@ -292,6 +341,25 @@ def test_formats_of_two_families_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match=r"a\.las has 1, b\.las has 6"):
         write_labelled(cloud, tmp_path / "c.las", Labels())
     assert not (tmp_path / "c.las").exists()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        laspy.ExtraBytesParams("mine", "u4"),
+        laspy.ExtraBytesParams("mine", "4u1"),
+        laspy.ExtraBytesParams("mine", "i4", scales=[0.1], offsets=[0.0]),
+    ],
+)
+def test_dimensions_of_one_name_and_two_meanings_are_refused(tmp_path: Path, other: laspy.ExtraBytesParams) -> None:
+    for name, params in (("a.las", laspy.ExtraBytesParams("mine", "i4")), ("b.las", other)):
+        header = laspy.LasHeader(point_format=6)
+        header.add_extra_dim(params)
+        las = laspy.LasData(header)
+        las.X = np.arange(10)
+        las.write(tmp_path / name)
+    with pytest.raises(InvalidInput, match=r"dimension 'mine' of b\.las has another type, scale or offset"):
+        write_labelled(open_cloud([tmp_path / "a.las", tmp_path / "b.las"]), tmp_path / "c.las", Labels())
 
 
 def test_mixed_kinds_are_refused(tmp_path: Path) -> None:

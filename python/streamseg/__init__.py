@@ -13,6 +13,7 @@ from .errors import (
     MissingExtra,
     OutputExists,
     SegmentorError,
+    StreamInUse,
     StreamsegError,
     StreamsegWarning,
 )
@@ -38,6 +39,7 @@ __all__ = [
     "SpanByTime",
     "SpanByWidth",
     "Stream",
+    "StreamInUse",
     "StreamsegError",
     "StreamsegWarning",
     "Window",

@@ -4,6 +4,9 @@ Each child also derives from the builtin that Python people expect, so that ``ex
 ``except OSError`` keep working.
 """
 
+import sys
+import warnings
+
 
 class StreamsegError(Exception):
     """Root of every error raised by streamseg."""
@@ -25,6 +28,10 @@ class FileError(StreamsegError, OSError):
     """A file cannot be read or written."""
 
 
+class StreamInUse(StreamsegError, RuntimeError):
+    """A stream was asked for a span while it was at work on one."""
+
+
 class OutputExists(FileError, FileExistsError):
     """The output is already there and overwriting it was not asked for."""
 
@@ -35,3 +42,13 @@ class MissingExtra(StreamsegError, ImportError):
 
 class StreamsegWarning(UserWarning):
     """Something works, though not quite as asked for."""
+
+
+def warn(message: str) -> None:
+    """Warn of something at the place outside of streamseg that led to it."""
+    level = 1
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "streamseg":
+        frame = frame.f_back
+        level += 1
+    warnings.warn(message, StreamsegWarning, stacklevel=level)

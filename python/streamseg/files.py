@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -94,38 +96,88 @@ def segment_file(
     cloud = open_cloud(paths)
     if on_open is not None:
         on_open(cloud.point_count)
+    interrupt = _Interrupt()
     source = open_source(cloud, spans)
-    run = stream(
-        source if on_read is None else counted(source, on_read),
-        segmentor,
-        spans=spans,
-        window=window,
-        history=history,
-        result=result,
-        threads=threads,
-        drop_invalid=drop_invalid,
-        overwrite=overwrite,
-        on_progress=on_progress,
-        with_points=False,
-    )
-    aliases = 0
-    failure: BaseException | None = None
-    with LabelSpool() as labels, run:
-        try:
-            aliases += _label(run, labels)
-        except (Exception, KeyboardInterrupt) as early:
-            failure = early
-            run.stop()
-            with contextlib.suppress(Exception):
+    with interrupt, LabelSpool() as labels:
+        run = stream(
+            counted(source, _first(interrupt.check, on_read)),
+            segmentor,
+            spans=spans,
+            window=window,
+            history=history,
+            result=result,
+            threads=threads,
+            drop_invalid=drop_invalid,
+            overwrite=overwrite,
+            on_progress=_first(interrupt.check, on_progress),
+            with_points=False,
+        )
+        aliases = 0
+        failure: BaseException | None = None
+        with run:
+            try:
                 aliases += _label(run, labels)
-        if failure is not None and run.progress.points == 0:
+            except (Exception, KeyboardInterrupt) as early:
+                failure = early
+                interrupt.disarm()
+                run.stop()
+                with contextlib.suppress(Exception):
+                    aliases += _label(run, labels)
+        interrupt.disarm()
+        progress = run.progress
+        if failure is not None and progress.points == 0:
             raise failure
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
-        if failure is not None:
-            raise failure
-        progress = run.progress
-        segments = progress.segment_ids if result == "history" else progress.segments
-        return Outcome(points, progress.windows, segments, aliases, run.promise, cloud.damage)
+    if failure is not None:
+        raise failure
+    segments = progress.segment_ids if result == "history" else progress.segments
+    return Outcome(points, progress.windows, segments, aliases, run.promise, cloud.damage)
+
+
+class _Interrupt:
+    """Turns Ctrl-C into a question asked at safe places: never between two steps that belong together.
+
+    A second Ctrl-C strikes at once.
+    """
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: Any = None
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is threading.main_thread():
+            handler = signal.getsignal(signal.SIGINT)
+            # Who handles Ctrl-C in another way keeps that way.
+            if handler is signal.default_int_handler:
+                self._before = signal.signal(signal.SIGINT, self._note)
+
+    def __exit__(self, *_: object) -> None:
+        self.disarm()
+
+    def _note(self, *_: object) -> None:
+        self._asked = True
+        self.disarm()
+
+    def disarm(self) -> None:
+        """Let Ctrl-C strike at once again."""
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+            self._before = None
+
+    def check(self, _: object) -> None:
+        """Raise the interrupt if one was asked for."""
+        if self._asked:
+            self._asked = False
+            raise KeyboardInterrupt
+
+
+def _first(check: Callable[[object], None], then: Callable[[Any], None] | None) -> Callable[[Any], None]:
+    def both(value: Any) -> None:
+        check(value)
+        if then is not None:
+            then(value)
+
+    return both
 
 
 def _label(run: Stream, labels: LabelSpool) -> int:

@@ -57,7 +57,7 @@ class HistoryWriter:
         _prepare(folder, overwrite)
         self._waiting: dict[str, list[NDArray[np.int64]]] = {table: [] for table in _COLUMNS}
         self._waiting_rows = 0
-        self._part = 0
+        self._next_span = 0
         self._manifest: dict[str, Any] = {
             "format": "streamseg history",
             "version": FORMAT_VERSION,
@@ -71,50 +71,57 @@ class HistoryWriter:
             "segment_ids": 0,
             "parts": 0,
         }
-        self._write_manifest()
+        self._write_manifest(self._manifest)
 
     def write(self, span: CoreSpan, windows: NDArray[np.int64], *, with_aliases: bool) -> None:
-        """Take in a span that went out of scope, and the windows woven since the last."""
-        spans = np.full(len(span.point_ids), span.index, np.int64)
-        self._wait("point_segment", np.column_stack([span.point_ids, span.raw_ids, spans]))
-        self._wait("segment_segment", span.segments)
-        self._wait("window", windows)
-        if with_aliases and len(span.aliases):
-            told = np.full(len(span.aliases), span.index, np.int64)
-            self._wait("alias", np.column_stack([span.aliases, told]))
-        self._manifest["points"] += len(span.point_ids)
-        self._manifest["spans"] += 1
+        """Take in a span that went out of scope, and the windows woven since the last. A span is taken in once."""
+        self._waiting["window"].append(windows)
+        if span.index >= self._next_span:
+            spans = np.full(len(span.point_ids), span.index, np.int64)
+            self._waiting["point_segment"].append(np.column_stack([span.point_ids, span.raw_ids, spans]))
+            self._waiting["segment_segment"].append(span.segments)
+            if with_aliases:
+                told = np.full(len(span.aliases), span.index, np.int64)
+                self._waiting["alias"].append(np.column_stack([span.aliases, told]))
+            self._waiting_rows += len(spans) + len(span.segments)
+            self._next_span = span.index + 1
         if self._waiting_rows >= _ROWS_PER_PART:
-            self._write_part()
+            self._write_part(complete=False)
 
     def close(self, windows: NDArray[np.int64], *, complete: bool) -> None:
         """Write what waits and the manifest."""
-        self._wait("window", windows)
-        self._write_part()
-        self._manifest["complete"] = complete
-        self._write_manifest()
+        self._waiting["window"].append(windows)
+        self._write_part(complete=complete)
 
-    def _wait(self, table: str, rows: NDArray[np.int64]) -> None:
-        self._waiting[table].append(rows)
-        self._waiting_rows += len(rows)
-        if table == "window" and len(rows):
-            self._manifest["windows"] += len(rows)
-            self._manifest["segment_ids"] = int(rows[-1, 4] + rows[-1, 5] - 1)
-
-    def _write_part(self) -> None:
-        for table, columns in _COLUMNS.items():
-            rows = np.concatenate([np.empty((0, len(columns)), np.int64), *self._waiting[table]])
-            self._waiting[table].clear()
-            self._write_rows(table, columns, rows)
+    def _write_part(self, *, complete: bool) -> None:
+        """Write what waits as one part; it counts, and waits no more, when all of it is on disk."""
+        part = self._manifest["parts"]
+        tables = {
+            table: np.concatenate([np.empty((0, len(columns)), np.int64), *self._waiting[table]])
+            for table, columns in _COLUMNS.items()
+        }
+        for table, rows in tables.items():
+            self._write_rows(table, part, rows)
+        manifest = {
+            **self._manifest,
+            "complete": complete,
+            "points": self._manifest["points"] + len(tables["point_segment"]),
+            "spans": self._next_span,
+            "windows": self._manifest["windows"] + len(tables["window"]),
+            "parts": part + 1,
+        }
+        if len(tables["window"]):
+            *_, first_segment_id, segments = tables["window"][-1]
+            manifest["segment_ids"] = int(first_segment_id + segments - 1)
+        self._write_manifest(manifest)
+        self._manifest = manifest
+        self._waiting = {table: [] for table in _COLUMNS}
         self._waiting_rows = 0
-        self._part += 1
-        self._manifest["parts"] = self._part
-        self._write_manifest()
 
-    def _write_rows(self, table: str, columns: tuple[str, ...], rows: NDArray[np.int64]) -> None:
+    def _write_rows(self, table: str, part: int, rows: NDArray[np.int64]) -> None:
         import pyarrow
 
-        path = self._folder / table / f"part-{self._part:06}.parquet"
+        path, columns = self._folder / table / f"part-{part:06}.parquet", _COLUMNS[table]
         arrays = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(columns)}
         try:
             # Ids of neighbouring rows differ little: deltas are smaller, and faster to write, than anything else.
@@ -128,10 +135,10 @@ class HistoryWriter:
         except OSError as error:
             raise FileError(f"the history {self._folder} cannot be written: {error}") from error
 
-    def _write_manifest(self) -> None:
+    def _write_manifest(self, manifest: dict[str, Any]) -> None:
         path = self._folder / MANIFEST
         try:
-            path.with_suffix(".part").write_text(json.dumps(self._manifest, indent=2) + "\n", encoding="utf-8")
+            path.with_suffix(".part").write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
             path.with_suffix(".part").replace(path)
         except OSError as error:
             raise FileError(f"the history {self._folder} cannot be written: {error}") from error
@@ -139,17 +146,19 @@ class HistoryWriter:
 
 def _prepare(folder: Path, overwrite: bool) -> None:
     """Make the folders; refuse to write into a folder that is something else."""
-    if folder.exists():
-        if not (folder / MANIFEST).is_file() and (not folder.is_dir() or any(folder.iterdir())):
-            raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
-        if (folder / MANIFEST).is_file() and not overwrite:
-            raise OutputExists(f"the history {folder} exists; give another folder, or overwrite=True (--overwrite)")
     try:
+        is_history = (folder / MANIFEST).is_file()
+        if not is_history and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
+        if is_history and not overwrite:
+            raise OutputExists(f"the history {folder} exists; give another folder, or overwrite=True (--overwrite)")
         for table in _COLUMNS:
             shutil.rmtree(folder / table, ignore_errors=True)
             (folder / table).mkdir(parents=True)
+    except OutputExists:
+        raise
     except OSError as error:
-        raise FileError(f"the history {folder} cannot be made: {error}") from error
+        raise FileError(f"the history {folder} cannot be made: {error.strerror}") from error
 
 
 class Part(NamedTuple):
@@ -188,17 +197,22 @@ class History:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
+        path = self.folder / MANIFEST
         try:
-            text = (self.folder / MANIFEST).read_text(encoding="utf-8")
+            text = path.read_bytes()
         except OSError:
             raise FileError(f"{self.folder} is no history: it has no {MANIFEST}") from None
         try:
-            self.manifest: dict[str, Any] = json.loads(text)
-            version = self.manifest["version"]
+            manifest = json.loads(text)
+            version = manifest["version"]
         except (ValueError, KeyError, TypeError):
-            raise InvalidInput(f"{self.folder / MANIFEST} is damaged: it is no manifest of a history") from None
+            raise InvalidInput(f"{path} is damaged: it is no manifest of a history") from None
         if version != FORMAT_VERSION:
             raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
+        for count in ("points", "spans", "windows", "segment_ids", "parts"):
+            if not isinstance(manifest.get(count), int) or manifest[count] < 0:
+                raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
+        self.manifest: dict[str, Any] = manifest
 
     def parts(self) -> Iterator[Part]:
         """Read the history part by part, in the order in which it was written."""
@@ -216,12 +230,24 @@ class History:
         ------
         (n,) int64, (n,) int64
             Point ids and their final segment ids, part by part.
+
+        Raises
+        ------
+        FileError, InvalidInput
+            If the history is damaged; before anything is yielded.
         """
         replay = Replay(self.manifest["segment_ids"])
         settlement = Settlement(with_points=False)
+        points = 0
         for index, part in enumerate(self.parts()):
+            points += len(part.point_ids)
             carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.raw_ids)
             settlement.keep_ids(index, part.point_ids, carried, position)
+        if points != self.manifest["points"]:
+            raise InvalidInput(
+                f"the history {self.folder} is damaged: its parts hold {points:,} points, "
+                f"its manifest says {self.manifest['points']:,}"
+            )
         replay.settle(settlement)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
@@ -256,8 +282,8 @@ class History:
 
         path = self.folder / table / f"part-{part:06}.parquet"
         try:
-            return _parquet().read_table(path)
-        except (OSError, pyarrow.ArrowException) as error:
+            return _parquet().read_table(path).select(_COLUMNS[table]).cast(self._schema(table))
+        except (OSError, KeyError, pyarrow.ArrowException) as error:
             raise FileError(f"{path} cannot be read, the history is damaged: {error}") from error
 
     def _read(self, table: str, part: int) -> dict[str, NDArray[np.int64]]:

@@ -17,6 +17,8 @@ from .io import open_cloud
 from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
 Color = tuple[int, int, int]
@@ -156,7 +158,7 @@ class _Page:
     def draw(self, shade: str | None) -> Any:
         """Draw everything."""
         text, gap, raster = self._text, self._gap, self._raster
-        light = np.ones(raster.height.shape) if shade is None else hillshade(raster)
+        light = np.ones(raster.height.shape, np.float32) if shade is None else hillshade(raster)
         panels = [self._colored_by_segment(light)]
         low, high = height_range(raster.height)
         if shade == "height":
@@ -190,15 +192,15 @@ class _Page:
             (gap + pen.textlength(self._name, font) + 2 * gap, gap + 0.3 * self._text), facts, _FAINT, self._font()
         )
 
-    def _colored_by_segment(self, light: Floats) -> NDArray[np.uint8]:
+    def _colored_by_segment(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
         raster = self._raster
         shown, index = np.unique(raster.ids, return_inverse=True)
         table = np.array([self._result.colors.get(segment, NONE_COLOR) for segment in shown.tolist()], float)
-        return _lit(table[index.reshape(raster.ids.shape)], light, raster.height)
+        return _lit((table[row] for row in index.reshape(raster.ids.shape)), light, raster.height)
 
-    def _colored_by_height(self, light: Floats, low: float, high: float) -> NDArray[np.uint8]:
-        height = np.where(self._raster.height > -np.inf, self._raster.height, low)
-        return _lit(_height_colors((height - low) / (high - low)), light, self._raster.height)
+    def _colored_by_height(self, light: NDArray[np.float32], low: float, high: float) -> NDArray[np.uint8]:
+        height = self._raster.height
+        return _lit((_height_colors((row.clip(low, high) - low) / (high - low)) for row in height), light, height)
 
     def _scale_bar(self, pen: Any, x: int, y: int) -> None:
         """Draw a bar of a round length, about a quarter of the panel, and the axes."""
@@ -286,9 +288,12 @@ def _height_colors(level: Floats) -> Floats:
     return np.stack([np.interp(level, stops, _HEIGHT_COLORS[:, band]) for band in range(3)], axis=-1)
 
 
-def _lit(colors: Floats, light: Floats, height: Floats) -> NDArray[np.uint8]:
-    above = np.clip(light - 1, 0, None)[..., None]
-    colors = colors * np.minimum(light, 1)[..., None]
-    colors += (255 - colors) * above
-    colors[height == -np.inf] = _BACKGROUND
-    return np.clip(colors, 0, 255).astype(np.uint8)
+def _lit(rows: Iterable[Floats], light: NDArray[np.float32], height: Floats) -> NDArray[np.uint8]:
+    """Light the colors, row by row because in floating point they take eight times the memory."""
+    lit = np.empty((*height.shape, 3), np.uint8)
+    for target, colors, brightness, heights in zip(lit, rows, light, height, strict=True):
+        shown = colors * np.minimum(brightness, 1)[:, None]
+        shown += (255 - shown) * np.clip(brightness - 1, 0, None)[:, None]
+        shown[heights == -np.inf] = _BACKGROUND
+        target[:] = np.clip(shown, 0, 255)
+    return lit

@@ -54,8 +54,8 @@ def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] |
     if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
         return _of_cloud(open_cloud(source), spans)
     if isinstance(source, np.ndarray) or _is_nested_list(source):
-        return _of_array(np.asarray(source), spans, attributes or {})
-    if isinstance(source, Iterable):
+        return _of_array(_as_array(source), spans, attributes or {})
+    if isinstance(source, Iterable) and not isinstance(source, bytes):
         return _of_iterable(source, spans)
     raise InvalidInput(
         f"source is {type(source).__name__}, allowed: a path, several paths, an (n, 3) array, or an iterable of arrays"
@@ -65,6 +65,13 @@ def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] |
 def _is_nested_list(source: Any) -> bool:
     """Whether it is a plain list of points, as people type it in, and not a list of arrays."""
     return isinstance(source, list) and not any(isinstance(item, (np.ndarray, tuple)) for item in source)
+
+
+def _as_array(source: Any) -> NDArray[Any]:
+    try:
+        return np.asarray(source)
+    except ValueError as error:
+        raise InvalidInput(f"points is no array of numbers ({error}), expected shape (n, 3)") from None
 
 
 def _needed(spans: Spans) -> tuple[str, ...]:
@@ -123,7 +130,8 @@ def _of_iterable(source: Iterable[Any], spans: Spans) -> Source:
     def chunks() -> Iterator[CoreChunk]:
         for item in source:
             points, attributes = item if _has_attributes(item) else (item, {})
-            yield points, _attributes_of(attributes, spans, len(points))
+            count = len(_as_array(points)) if _needed(spans) else 0
+            yield points, _attributes_of(attributes, spans, count)
 
     # A list can be read to its end; a generator may have none, so only order tells where a slab ends.
     stored = isinstance(source, Sequence) and isinstance(spans, SpanByWidth)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from ._core import (
     Window,
     default_spans,
 )
-from .errors import InvalidParameter, StreamsegWarning
+from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
 from .source import PathLike, Source, open_source
 
@@ -56,7 +56,7 @@ class Progress(NamedTuple):
     """Seconds that the weaver has taken."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Span:
     """A span as it goes out of scope."""
 
@@ -111,10 +111,13 @@ class Stream:
         self._history = history
         self._stopped = False
         self._ended = False
+        self._closed = False
+        self._told_damage = False
         self._settlement: Settlement | None = None
         if result == "final":
             self._settlement = Settlement(scale=source.scale, offset=source.offset, with_points=with_points)
         self._settled = False
+        self._kept = -1
         self._failure: Exception | None = None
         self.exactness = core.exactness
         self.is_identical = core.is_identical
@@ -125,12 +128,16 @@ class Stream:
         return self
 
     def __next__(self) -> Span:
+        if self._closed:
+            raise StopIteration
         if self._settlement is not None:
             return self._next_settled(self._settlement)
-        span = self._next_woven()
-        ids = span.raw_ids if self._result == "history" else span.carried_ids
-        aliases = _NO_ALIASES if self._result == "history" else span.aliases
-        return Span(span.index, span.point_ids, ids, aliases, span)
+        core = self._next_woven()
+        ids = core.raw_ids if self._result == "history" else core.carried_ids
+        aliases = _NO_ALIASES if self._result == "history" else core.aliases
+        span = Span(core.index, core.point_ids, ids, aliases, core)
+        self._core.acknowledge()
+        return span
 
     def __enter__(self) -> Stream:
         return self
@@ -162,41 +169,70 @@ class Stream:
         -------
         (n,) int64
             The smallest id of each one's whole. Final when the stream has ended; before that, as far as is known.
+
+        Raises
+        ------
+        InvalidInput
+            If the ids are not whole numbers in one dimension.
         """
-        return self._core.resolve(np.ascontiguousarray(ids, np.int64))
+        asked = np.asarray(ids)
+        if asked.ndim != 1 or (asked.size and asked.dtype.kind not in "iu"):
+            raise InvalidInput(f"ids is {asked.dtype} of shape {asked.shape}, expected whole numbers of shape (n,)")
+        return self._core.resolve(np.ascontiguousarray(asked, np.int64))
 
     def stop(self) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out."""
-        self._stopped = True
         self._core.stop()
+        self._stopped = True
 
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same."""
-        if self._ended:
-            return
-        self._core.stop()
-        try:
+        if not self._ended:
+            self.stop()
             if self._history is not None:
-                for span in self._core:
-                    self._write(span)
-        finally:
+                with contextlib.suppress(StopIteration):
+                    while True:
+                        self._next_woven()
+                        self._core.acknowledge()
             self._end(complete=False)
+        self._closed = True
 
     def _next_woven(self) -> CoreSpan:
-        """Take the next span from the core; an interrupt loses nothing, the next call goes on."""
+        """Take the next span from the core and write it; the same again until it is acknowledged.
+
+        An interrupt, or an exception in a callback, loses nothing: the next call goes on.
+        """
         try:
             span = next(self._core)
         except StopIteration:
             damage = self._source.damage()
             self._end(complete=damage is None and not self._stopped)
-            if damage:
-                warnings.warn(damage, StreamsegWarning, stacklevel=3)
+            if damage and not self._told_damage:
+                self._told_damage = True
+                warn(damage)
             raise
-        except Exception:
-            self._end(complete=False)
+        except StreamInUse:
             raise
-        self._write(span)
+        except BaseException:
+            self._stopped = self._stopped or self._core.is_ended()
+            raise
+        if self._history is not None:
+            self._write(self._history, span)
         return span
+
+    def _write(self, history: HistoryWriter, span: CoreSpan) -> None:
+        try:
+            history.write(span, self._core.take_windows(), with_aliases=self._result == "carry")
+        except StreamsegError:
+            # Without a history the spans can still come out.
+            self._history = None
+            raise
+
+    def _end(self, *, complete: bool) -> None:
+        if self._history is not None:
+            self._history.close(self._core.take_windows(), complete=complete)
+            self._history = None
+        self._ended = True
 
     def _next_settled(self, settlement: Settlement) -> Span:
         if not self._settled:
@@ -213,24 +249,18 @@ class Stream:
     def _keep_all(self, settlement: Settlement) -> None:
         try:
             while True:
-                settlement.keep(self._next_woven())
+                span = self._next_woven()
+                if span.index != self._kept:
+                    settlement.keep(span)
+                    self._kept = span.index
+                self._core.acknowledge()
         except StopIteration:
             pass
         except Exception as failure:
+            if not self._core.is_ended() and not isinstance(failure, StreamsegError):
+                raise  # a callback's; the run can go on
             # What came before the failure is finished output; it goes first.
             self._failure = failure
-
-    def _write(self, span: CoreSpan) -> None:
-        if self._history is not None:
-            self._history.write(span, self._core.take_windows(), with_aliases=self._result == "carry")
-
-    def _end(self, *, complete: bool) -> None:
-        if self._ended:
-            return
-        self._ended = True
-        if self._history is not None:
-            self._history.close(self._core.take_windows(), complete=complete)
-            self._history = None
 
 
 def stream(
@@ -276,7 +306,7 @@ def stream(
     attributes : mapping of (n,) arrays, optional
         For an array: the attributes that the spans need, such as ``gps_time``.
     on_progress : function of a Progress, optional
-        Called at least once a window; an exception it raises interrupts the run.
+        Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
         With ``result="final"``: whether the spans' coordinates are kept until they come out.
 
@@ -310,7 +340,7 @@ def stream(
         spans = default_spans(segmentor)
     core = _pipeline(opened, segmentor, spans, window or Window(), threads, drop_invalid, on_progress)
     if core.warning:
-        warnings.warn(core.warning, StreamsegWarning, stacklevel=2)
+        warn(core.warning)
     writer = None
     if history is not None:
         parameters = {"segmentor": repr(segmentor), "spans": repr(spans), "window": repr(window or Window())}

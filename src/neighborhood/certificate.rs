@@ -32,12 +32,17 @@ impl Loaded {
         let h2 = half[0] * half[0] + half[1] * half[1];
         let h = h2.sqrt();
         let normal = [-half[1] / h, half[0] / h];
-        // Where the circle also passes through `corner`.
-        let through = |corner: [f64; 2]| {
+        // Where the circle also passes through `corner`. `side` is 1 for a corner to the left and −1 for one to the right,
+        // as the triangulation has it: rounding must not turn a thin triangle over.
+        let through = |corner: [f64; 2], side: f64| {
             let v = [corner[0] - middle[0], corner[1] - middle[1]];
-            (v[0] * v[0] + v[1] * v[1] - h2) / (2.0 * (normal[0] * v[0] + normal[1] * v[1]))
+            let across = (side * (normal[0] * v[0] + normal[1] * v[1])).max(f64::MIN_POSITIVE);
+            side * (v[0] * v[0] + v[1] * v[1] - h2) / (2.0 * across)
         };
-        let empty = (right.map_or(f64::NEG_INFINITY, through), left.map_or(f64::INFINITY, through));
+        let empty = (
+            right.map_or(f64::NEG_INFINITY, |corner| through(corner, -1.0)),
+            left.map_or(f64::INFINITY, |corner| through(corner, 1.0)),
+        );
         let along = self.direction[0] * middle[0] + self.direction[1] * middle[1];
         let slope = self.direction[0] * normal[0] + self.direction[1] * normal[1];
         let below_high = inside(self.high - along, slope, h2);

@@ -36,6 +36,7 @@ enum Edges {
 
 impl Delaunay {
     /// The neighborhood of points whose horizontal positions are `horizontal` and whose heights order the stacks.
+    /// Positions have to be finite, below 10⁶⁰, and zero where they are nearer to it than 2⁻¹⁴².
     pub fn new(horizontal: &[[f64; 2]], height: impl Fn(u32) -> f64) -> Self {
         let order = curve_order(horizontal, height);
         let position = |at: u32| horizontal[order[at as usize] as usize];
@@ -138,13 +139,8 @@ fn triangulate(stacks: &[[f64; 2]], corner: u32) -> Edges {
     let mut triangulation = DelaunayTriangulation::with_capacity(stacks.len(), 3 * stacks.len(), 2 * stacks.len());
     let others = (2..stacks.len() as u32).filter(|&stack| stack != corner);
     for stack in first.into_iter().chain(others) {
-        let [x, y] = stacks[stack as usize].map(spade_coordinate);
+        let [x, y] = stacks[stack as usize];
         triangulation.insert(Point2::new(x, y)).expect("window points are finite and within spade's range");
     }
     Edges::Triangles { triangulation: Box::new(triangulation), first }
-}
-
-/// Spade refuses coordinates nearer to zero than 2⁻¹⁴²; at such a size only zero is meant.
-fn spade_coordinate(coordinate: f64) -> f64 {
-    if coordinate.abs() < spade::MIN_ALLOWED_VALUE { 0.0 } else { coordinate }
 }

@@ -45,7 +45,9 @@ fn attributes(values: &Bound<'_, PyAny>, names: &[&str], points: usize) -> PyRes
         .iter()
         .zip(values.try_iter()?)
         .map(|(name, value)| {
-            let value: PyArrayLike1<'_, f64, AllowTypeChange> = value?.extract()?;
+            let value: PyArrayLike1<'_, f64, AllowTypeChange> = value?.extract().map_err(|cause| {
+                InvalidInput::new_err(format!("{name} is no array of numbers ({cause}), expected shape (n,)"))
+            })?;
             let value: Vec<f64> = value.as_array().iter().copied().collect();
             if value.len() == points {
                 Ok(value)

@@ -9,6 +9,7 @@ import_exception!(streamseg.errors, FileError);
 import_exception!(streamseg.errors, InvalidInput);
 import_exception!(streamseg.errors, InvalidParameter);
 import_exception!(streamseg.errors, SegmentorError);
+import_exception!(streamseg.errors, StreamInUse);
 import_exception!(streamseg.errors, StreamsegError);
 
 impl From<Error> for PyErr {
@@ -16,7 +17,10 @@ impl From<Error> for PyErr {
         let message = error.to_string();
         match error {
             Error::InvalidParameter { .. } => InvalidParameter::new_err(message),
-            Error::NotFinite { .. } | Error::NotSorted { .. } => InvalidInput::new_err(message),
+            Error::NotFinite { .. }
+            | Error::NotSorted { .. }
+            | Error::Attribute { .. }
+            | Error::DamagedHistory { .. } => InvalidInput::new_err(message),
             Error::Labels { .. } => SegmentorError::new_err(message),
             Error::Spool { .. } => FileError::new_err(message),
             Error::Panicked { .. } => StreamsegError::new_err(message),

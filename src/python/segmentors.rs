@@ -79,6 +79,10 @@ impl PyProximity {
         }
     }
 
+    fn __getnewargs__(&self) -> (f64, &'static str, &'static str) {
+        (self.distance(), self.graph(), self.metric())
+    }
+
     fn __repr__(&self) -> String {
         format!("Proximity({:?}, graph='delaunay', metric='{}')", self.distance(), self.metric())
     }

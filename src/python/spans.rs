@@ -62,6 +62,10 @@ impl PySpanByWidth {
         })
     }
 
+    fn __getnewargs__(&self, py: Python<'_>) -> PyResult<(f64, Py<PyAny>)> {
+        Ok((self.width, self.direction(py)?))
+    }
+
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("SpanByWidth({:?}, direction={})", self.width, self.direction(py)?.bind(py).repr()?))
     }
@@ -116,6 +120,10 @@ impl PySpanByCount {
         Ok(Self { by, points })
     }
 
+    fn __getnewargs__(&self) -> (i64,) {
+        (self.points,)
+    }
+
     fn __repr__(&self) -> String {
         format!("SpanByCount({})", self.points)
     }
@@ -161,6 +169,10 @@ impl PySpanByTime {
         Ok(Self { by: valid(SpanBy::Time { seconds })?, seconds })
     }
 
+    fn __getnewargs__(&self) -> (f64,) {
+        (self.seconds,)
+    }
+
     fn __repr__(&self) -> String {
         format!("SpanByTime({:?})", self.seconds)
     }
@@ -199,6 +211,10 @@ impl PySpanByScanLine {
     fn new(lines: i64) -> PyResult<Self> {
         let by = valid(SpanBy::ScanLine { lines: count("lines", lines)? })?;
         Ok(Self { by, lines })
+    }
+
+    fn __getnewargs__(&self) -> (i64,) {
+        (self.lines,)
     }
 
     fn __repr__(&self) -> String {
@@ -295,6 +311,10 @@ impl PyWindowSize {
     #[getter]
     fn advance(&self) -> usize {
         self.0.advance()
+    }
+
+    fn __getnewargs__(&self) -> (usize, usize) {
+        (self.0.spans(), self.0.overlap())
     }
 
     fn __repr__(&self) -> String {

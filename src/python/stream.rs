@@ -6,7 +6,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
-use super::errors::StreamsegError;
+use super::errors::StreamInUse;
 use super::segmentors::segmentor;
 use super::spans::{PyWindowSize, span_by};
 use crate::crew::Crew;
@@ -20,6 +20,8 @@ use crate::span::{Invalid, Source, Span, checked, spans_of};
 #[pyclass(frozen, name = "Pipeline", module = "streamseg._core")]
 pub struct PyPipeline {
     pipeline: Mutex<Pipeline>,
+    /// The span given last, until it is acknowledged: an interrupt on its way to the taker must not lose it.
+    given: Mutex<Option<Py<PySpan>>>,
     lattice: Lattice,
     /// The exactness class of the run: "A", "B" or "C".
     #[pyo3(get)]
@@ -65,13 +67,14 @@ impl PyPipeline {
         let source = if stored { Source::Stored } else { Source::Live };
         let chunks = checked(PyChunks::new(chunks, by.attributes())?, invalid);
         let spans = spans_of(chunks, by, &lattice, source)?;
-        let crew = Crew::new(if segmentor.is_concurrent() { threads } else { threads.min(1) })?;
+        let crew = Crew::new(threads)?;
         let assessment = segmentor.exactness().assess(by, window.0, &lattice);
         let name = segmentor.name().to_string();
         let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
         Ok(Self {
             pipeline: Mutex::new(pipeline),
+            given: Mutex::new(None),
             lattice,
             exactness: assessment.class,
             is_identical: assessment.is_identical,
@@ -85,11 +88,28 @@ impl PyPipeline {
         slf
     }
 
-    fn __next__(&self, py: Python<'_>) -> PyResult<Option<PySpan>> {
-        match py.detach(|| -> PyResult<_> { Ok(self.lock()?.next().transpose()?) })? {
-            Some(outgoing) => PySpan::new(py, outgoing, self.lattice).map(Some),
-            None => Ok(None),
+    /// The next span; the same again until it is acknowledged.
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Py<PySpan>>> {
+        if let Some(span) = self.given().as_ref() {
+            return Ok(Some(span.clone_ref(py)));
         }
+        let Some(outgoing) = py.detach(|| -> PyResult<_> { Ok(self.lock()?.next().transpose()?) })? else {
+            return Ok(None);
+        };
+        let span = Py::new(py, PySpan::new(py, outgoing, self.lattice)?)?;
+        *self.given() = Some(span.clone_ref(py));
+        Ok(Some(span))
+    }
+
+    /// Tells that the last span has arrived.
+    fn acknowledge(&self) {
+        *self.given() = None;
+    }
+
+    /// Whether nothing more will come: no span and no failure.
+    fn is_ended(&self, py: Python<'_>) -> PyResult<bool> {
+        let ended = py.detach(|| self.lock().map(|pipeline| pipeline.is_ended()))?;
+        Ok(ended && self.given().is_none())
     }
 
     /// Asks the source for no further span; those that have come are still segmented and come out.
@@ -133,13 +153,18 @@ impl PyPipeline {
 }
 
 impl PyPipeline {
+    /// Never held across a call into Python.
+    fn given(&self) -> MutexGuard<'_, Option<Py<PySpan>>> {
+        self.given.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// To be called without the interpreter, which the pipeline may need while it holds the lock.
     fn lock(&self) -> PyResult<MutexGuard<'_, Pipeline>> {
         match self.pipeline.try_lock() {
             Ok(pipeline) => Ok(pipeline),
             // A panic in the core has been reported already; what the lock guards is still consistent.
             Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => Err(StreamsegError::new_err(
+            Err(TryLockError::WouldBlock) => Err(StreamInUse::new_err(
                 "the stream is at work already, in another thread or in its own source; take spans from one place",
             )),
         }

@@ -72,6 +72,9 @@ impl Exactness {
             (_, 0) => Some(
                 "windows share no span, so segments are cut where a window ends; use an overlap of at least 1".into(),
             ),
+            (Shares::NotAlways { overlap, reach }, _) if overlap >= reach => Some(format!(
+                "windows overlap by no more than the distance {reach}, and the rounding of coordinates may part a pair at exactly the distance: the result may differ from the static one; use slightly wider spans"
+            )),
             (Shares::NotAlways { overlap, reach }, _) => Some(format!(
                 "windows overlap by {overlap}, less than the distance {reach}: the result may differ from the static one; use wider spans or more overlap"
             )),
@@ -116,6 +119,9 @@ mod tests {
         let narrow = assess(near, 0.2, 1);
         assert!(!narrow.is_identical);
         assert!(narrow.warning.unwrap().starts_with("windows overlap by 0.2, less than the distance 0.3"));
+        let real = SpanBy::Width { width: 0.3, direction: Direction::X };
+        let equal = near.assess(real, WindowSize::default(), &Lattice::REAL);
+        assert!(!equal.is_identical && equal.warning.unwrap().contains("slightly wider spans"));
         assert!(assess(near, 9.0, 0).warning.unwrap().contains("share no span"));
     }
 

@@ -143,6 +143,9 @@ impl Rule {
             }
             Rule::Time { seconds, first } => {
                 let time = chunk.attributes[0][position];
+                if !time.is_finite() {
+                    return Err(Error::Attribute { name: "gps_time", point_id, value: time });
+                }
                 match *first {
                     // A flight line may be older than the one before it, so time may also jump back.
                     Some(start) if (time - start).abs() >= *seconds => {

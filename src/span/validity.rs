@@ -7,7 +7,8 @@ use crate::lattice::is_valid;
 /// What becomes of points with NaN, infinite or absurdly large coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Invalid {
-    /// The stream ends with an error that names the first of them; the points before it are kept.
+    /// The stream ends with an error that names the first of them. The points before it are kept, but for a stored cloud
+    /// that is laid into slabs: its slabs would have holes.
     #[default]
     Reject,
     /// They take part in no segmentation and come out with no segment.

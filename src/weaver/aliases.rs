@@ -45,27 +45,22 @@ impl Aliases {
     }
 
     /// Notes that ids from `first` on are about to be given.
-    ///
-    /// # Errors
-    /// If the temporary file cannot be written.
-    pub fn mark_births(&mut self, first: SegmentId) -> Result<()> {
-        self.push([BIRTHS, first])
+    pub fn mark_births(&mut self, first: SegmentId) {
+        self.push([BIRTHS, first]);
     }
 
     /// Notes that `id` has become the smaller id `becomes`.
-    ///
-    /// # Errors
-    /// If the temporary file cannot be written.
-    pub fn join(&mut self, id: SegmentId, becomes: SegmentId) -> Result<()> {
-        self.push([id, becomes])
+    pub fn join(&mut self, id: SegmentId, becomes: SegmentId) {
+        self.push([id, becomes]);
     }
 
-    fn push(&mut self, record: Record) -> Result<()> {
+    fn push(&mut self, record: Record) {
         self.newest.push(record);
-        if self.newest.len() == BLOCK {
-            self.write().map_err(|e| Error::spool("written", e))?;
+        // A full disk costs memory, not the run: what cannot be written waits, and is tried again a block later.
+        if self.newest.len().is_multiple_of(BLOCK) && self.write().is_ok() {
+            self.written += self.newest.len() as u64;
+            self.newest.clear();
         }
-        Ok(())
     }
 
     fn write(&mut self) -> io::Result<()> {
@@ -73,11 +68,8 @@ impl Aliases {
             Some(file) => file,
             none => none.insert(tempfile::tempfile()?),
         };
-        file.seek(SeekFrom::End(0))?;
-        file.write_all(bytemuck::cast_slice(&self.newest))?;
-        self.written += self.newest.len() as u64;
-        self.newest.clear();
-        Ok(())
+        file.seek(SeekFrom::Start(self.written * size_of::<Record>() as u64))?;
+        file.write_all(bytemuck::cast_slice(&self.newest))
     }
 
     /// The last records before `end`, oldest first; none at the start.
@@ -183,13 +175,13 @@ mod tests {
     #[test]
     fn a_chain_of_joins_settles_at_its_end() {
         let mut log = Aliases::default();
-        log.mark_births(1).unwrap();
-        log.mark_births(4).unwrap();
-        log.join(4, 3).unwrap();
+        log.mark_births(1);
+        log.mark_births(4);
+        log.join(4, 3);
         let before_the_u = log.len();
-        log.mark_births(5).unwrap();
-        log.join(3, 2).unwrap();
-        log.join(2, 1).unwrap();
+        log.mark_births(5);
+        log.join(3, 2);
+        log.join(2, 1);
 
         let mut ids = [4, 3, 2, 1, NONE, 5];
         log.resolve(&mut ids).unwrap();
@@ -209,9 +201,9 @@ mod tests {
         let windows = 3 * BLOCK as i64;
         let (ground, mut next) = (1, 2);
         for _ in 0..windows {
-            log.mark_births(next).unwrap();
-            log.join(next, ground).unwrap();
-            log.join(next + 2, next + 1).unwrap();
+            log.mark_births(next);
+            log.join(next, ground);
+            log.join(next + 2, next + 1);
             next += 3;
         }
         assert!(log.written > 0);

@@ -32,7 +32,6 @@ pub use replay::Replay;
 pub use segment_segment::{Pairs, SegmentRow, SegmentSegment};
 
 use crate::crew::Crew;
-use crate::error::Result;
 use crate::label::{Labels, NONE, SegmentId};
 
 /// Points that one thread weaves at a time.
@@ -113,14 +112,11 @@ impl Default for Weaver {
 
 impl Weaver {
     /// Weaves the next window; returns the spans that go out of scope, in order.
-    ///
-    /// # Errors
-    /// If the log of joins cannot be written to disk.
-    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Result<Vec<EvictedSpan>> {
+    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Vec<EvictedSpan> {
         let evicted = self.evict_before(self.previous_first);
         self.previous_first = window.first_span;
         let first_id = self.carry.next_id();
-        self.aliases.mark_births(first_id)?;
+        self.aliases.mark_births(first_id);
         self.carry.extend(window.labels.count());
 
         let first_arrival = self.take_in(window);
@@ -129,14 +125,14 @@ impl Weaver {
         self.segments.push(window.index, first_id, &last_spans(window), &pairs);
         for row in self.segments.newest_pairs() {
             if let Some(join) = self.carry.join(row.segment_id, row.next_segment_id) {
-                self.aliases.join(join.id, join.becomes)?;
+                self.aliases.join(join.id, join.becomes);
                 self.joins += 1;
                 if join.is_alias {
                     self.untold.push([join.id, join.becomes]);
                 }
             }
         }
-        Ok(evicted)
+        evicted
     }
 
     /// Ends the stream: everything left goes out of scope.

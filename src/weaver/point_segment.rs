@@ -12,7 +12,8 @@
 //!
 //! A word belongs to an arrival only if it carries the arrival's lap. So evicting a span means moving `base` on: nothing
 //! is cleared, nothing is freed, and a reader that comes late finds another lap and answers "none". A stale word would
-//! have to survive 255 laps to be taken for a live one, and every lap overwrites it.
+//! have to survive 255 laps to be taken for a live one; points without a segment overwrite nothing, so the words of
+//! every 255th lap are cleared when its points come in.
 //!
 //! # What writers and readers may see
 //! Any number of threads may look up and insert at once. A word is written at most once per lap, by one compare-exchange:
@@ -61,7 +62,24 @@ impl PointSegment {
             self.grow(live);
         }
         self.next += points as u64;
+        self.wipe(first);
         first
+    }
+
+    /// Every 255th lap starts from empty words, so that no word can survive until its lap's number comes round again.
+    fn wipe(&self, first: u64) {
+        let starts_round = |arrival: u64| self.lap(arrival).is_multiple_of(LAPS);
+        if starts_round(first) || starts_round(self.next) {
+            for arrival in (first..self.next).filter(|&arrival| starts_round(arrival)) {
+                // Relaxed: writers start after `extend`, which has the table for itself.
+                self.word(arrival).store(0, Ordering::Relaxed);
+            }
+        }
+    }
+
+    #[inline]
+    fn lap(&self, arrival: u64) -> u64 {
+        arrival >> self.words.len().trailing_zeros()
     }
 
     fn grow(&mut self, live: usize) {
@@ -88,7 +106,7 @@ impl PointSegment {
     /// The word of `arrival` with `id`.
     #[inline]
     fn packed(&self, arrival: u64, id: SegmentId) -> u64 {
-        let lap = (arrival >> self.words.len().trailing_zeros()) % LAPS + 1;
+        let lap = self.lap(arrival) % LAPS + 1;
         lap << ID_BITS | (id as u64 & ID_MASK)
     }
 
@@ -106,7 +124,7 @@ impl PointSegment {
         if arrival < self.base() { None } else { self.unpacked(arrival, word) }
     }
 
-    /// Gives `id` to a point that has none; a point that has one keeps it.
+    /// Gives `id` to a point in scope that has none; a point that has one keeps it.
     #[inline]
     pub fn insert_if_absent(&self, arrival: u64, id: SegmentId) -> Inserted {
         let word = self.word(arrival);

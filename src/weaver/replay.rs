@@ -32,7 +32,7 @@ impl Replay {
     /// which become carried ids. Returns where the log of joins stands.
     ///
     /// # Errors
-    /// If an id is not one that this history can have, or the log cannot be written to disk.
+    /// If an id is not one that this history can have.
     pub fn part(&mut self, rows: &[[SegmentId; 2]], ids: &mut [SegmentId]) -> Result<u64> {
         let in_rows = rows.iter().flatten().copied().max().unwrap_or(NONE);
         let newest = in_rows.max(ids.iter().copied().max().unwrap_or(NONE));
@@ -42,7 +42,7 @@ impl Replay {
             if next != NONE {
                 self.check(next)?;
                 if let Some(join) = self.carry.join(segment_id, next) {
-                    self.aliases.join(join.id, join.becomes)?;
+                    self.aliases.join(join.id, join.becomes);
                 }
             }
         }
@@ -64,7 +64,7 @@ impl Replay {
         let next = self.carry.next_id();
         if newest >= next {
             let count = (newest - next + 1) as usize;
-            self.aliases.mark_births(next)?;
+            self.aliases.mark_births(next);
             self.carry.extend(count);
             self.gone.extend(std::iter::repeat_n(false, count));
         }
@@ -93,8 +93,7 @@ impl Replay {
 }
 
 fn damaged(segment_id: SegmentId) -> Error {
-    let allowed = "an id in scope at this place of the history; the history is damaged or its parts are out of order";
-    Error::parameter("segment_id", segment_id, allowed)
+    Error::DamagedHistory { segment_id }
 }
 
 #[cfg(all(test, not(loom)))]
@@ -121,7 +120,7 @@ mod tests {
         let mut replay = Replay::new(3);
         replay.part(&[[1, NONE]], &mut []).unwrap();
         assert!(replay.part(&[[1, 2]], &mut []).is_err());
-        assert!(replay.part(&[], &mut [9]).unwrap_err().to_string().contains("segment_id is 9"));
+        assert!(replay.part(&[], &mut [9]).unwrap_err().to_string().contains("segment 9"));
         assert!(Replay::new(3).part(&[[0, NONE]], &mut []).is_err());
     }
 }

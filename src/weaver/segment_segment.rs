@@ -144,20 +144,32 @@ impl SegmentSegment {
         }
         gone.sort_unstable();
         self.live -= gone.len();
-        let rows = gone.iter().flat_map(|&segment_id| self.rows_of(segment_id)).collect();
+        let rows = self.rows_of(&gone);
         self.drop_slabs();
         rows
     }
 
-    /// The rows of a segment.
-    fn rows_of(&self, segment_id: SegmentId) -> Vec<SegmentRow> {
-        let mut rows = Vec::new();
+    /// The rows of some segments in ascending order: one pass over each slab's pairs, which are in that order too.
+    fn rows_of(&self, gone: &[SegmentId]) -> Vec<SegmentRow> {
+        let first = gone.first().copied().unwrap_or(0);
+        let mut rest: Vec<&[SegmentRow]> = Vec::with_capacity(self.slabs.len());
         for slab in &self.slabs {
-            let start = slab.pairs.partition_point(|row| row.segment_id < segment_id);
-            rows.extend(slab.pairs[start..].iter().take_while(|row| row.segment_id == segment_id));
+            rest.push(&slab.pairs[slab.pairs.partition_point(|row| row.segment_id < first)..]);
         }
-        if rows.is_empty() {
-            rows.push(SegmentRow { segment_id, next_segment_id: NONE, window: NONE, shared_points: 0 });
+        let mut rows = Vec::with_capacity(gone.len());
+        for &segment_id in gone {
+            let before = rows.len();
+            for pairs in &mut rest {
+                while let Some((row, behind)) = pairs.split_first().filter(|(row, _)| row.segment_id <= segment_id) {
+                    if row.segment_id == segment_id {
+                        rows.push(*row);
+                    }
+                    *pairs = behind;
+                }
+            }
+            if rows.len() == before {
+                rows.push(SegmentRow { segment_id, next_segment_id: NONE, window: NONE, shared_points: 0 });
+            }
         }
         rows
     }

@@ -1,30 +1,58 @@
-"""LAS and LAZ files as sources; the only importer of laspy."""
+"""LAS and LAZ files as sources, read by laspy.
+
+laspy believes every count and size in a header; those that could make it run on for hours or fill the memory are
+checked first.
+"""
 
 from __future__ import annotations
 
 import io
+import mmap
 import os
+import re
+import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileError, InvalidInput, MissingExtra
+from ..errors import FileError, MissingExtra
 from . import laz
 from .cloud import Chunk, damage_sentence
-from .las_header import LASZIP_USER, LasHeader, header_stream, linear_unit
+from .lattice import Lattice
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
-
-    from numpy.typing import NDArray
 
 try:
     import laspy
 except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingExtra("reading LAS and LAZ needs laspy; install it: pip install laspy[lazrs]") from error
+    raise MissingExtra("reading and writing LAS needs laspy; install it: pip install laspy[lazrs]") from error
 
-_XYZ = ("X", "Y", "Z")
+__all__ = ["LasSource", "laspy"]
+
+# A LAZ chunk has 50 000 points and is the unit of parallel work: smaller reads would run on one thread.
+_BLOCK = 500_000
+_CORNERING_STEPS = (8192, 128, 1)
+
+_SMALLEST_HEADER = 227
+_MAX_HEADER_BYTES = 1 << 30
+_LARGEST_POINT_FORMAT = 10
+_VLR, _EVLR = struct.Struct("<2x16sHH32s"), struct.Struct("<2x16sHQ32s")
+
+_LINEAR_UNIT_KEY, _PROJECTED_SYSTEM_KEY = 3076, 3072
+_UNITS_BY_CODE = {9001: "m", 9002: "ft", 9003: "ft"}
+_UNITS_BY_NAME = {"metre": "m", "meter": "m", "foot": "ft", "us survey foot": "ft", "foot_us": "ft"}
+_METRIC_UTM_BLOCKS = {258, 269, 326, 327}
+
+# Point formats from 6 on are compressed in layers, which need not all be decoded; of others than these all are.
+_LAYERS = {
+    "gps_time": laspy.DecompressionSelection.GPS_TIME,
+    "scan_direction_flag": laspy.DecompressionSelection.FLAGS,
+    "edge_of_flight_line": laspy.DecompressionSelection.FLAGS,
+    "classification": laspy.DecompressionSelection.CLASSIFICATION,
+    "intensity": laspy.DecompressionSelection.INTENSITY,
+}
 
 
 class LasSource:
@@ -39,107 +67,166 @@ class LasSource:
     def __init__(self, path: Path) -> None:
         self.path = path
         with open(path, "rb") as file:
-            self.header = LasHeader.read(file, path)
-            self._bytes_of_points = _size_of(file) - self.header.points_at
-        self.point_format = self._parse_point_format()
-        self.record_type: np.dtype[Any] = self.point_format.dtype()
+            self.header, self.vlrs = _read_header(file, path)
         self.point_count: int | None = self.header.point_count
-        self.lattice = self.header.lattice
-        self.dimensions: tuple[str, ...] = tuple(self.point_format.dimension_names)
-        self.unit = linear_unit(self.header)
+        self.lattice = Lattice(tuple(self.header.scales.tolist()), tuple(self.header.offsets.tolist()))
+        self.dimensions: tuple[str, ...] = tuple(self.header.point_format.dimension_names)
+        self.unit = _linear_unit(self.header)
         self.damage: str | None = None
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
         """Yield points in the file's own lattice units."""
-        for records in self._records(size, laz.layers((*_XYZ, *attributes))):
+        selection = laspy.DecompressionSelection.base().decompress_z()
+        for name in attributes:
+            selection |= _LAYERS.get(name, laspy.DecompressionSelection.all())
+        for records in self.records(size, selection):
             points = np.empty((len(records), 3))
-            for axis, name in enumerate(_XYZ):
+            for axis, name in enumerate("XYZ"):
                 points[:, axis] = records[name]
-            yield Chunk(points, {name: self._dimension(records, name) for name in attributes})
+            yield Chunk(points, {name: np.ascontiguousarray(records[name]) for name in attributes})
 
-    def records(self, size: int) -> Iterator[NDArray[np.void]]:
-        """Yield the points as they are stored: ``(n,)`` arrays of packed records with every dimension."""
-        return self._records(size, laz.ALL_FIELDS)
-
-    def _records(self, size: int, fields: int) -> Generator[NDArray[np.void], None, None]:
-        announced, done, reason = self.header.point_count, 0, None
+    def records(self, size: int, selection: Any = None) -> Iterator[Any]:
+        """Yield the points as laspy's point records, up to the end or to the damage."""
         self.damage = None
+        announced, done = self.header.point_count, 0
         with open(self.path, "rb") as file:
-            blocks: Generator[bytes | bytearray, None, str | None]
-            blocks = self._compressed(file, size, fields) if self.header.is_compressed else self._plain(file, size)
-            while True:
+            sound, reason = self._sound_part(file)
+            # Each try goes in smaller steps up to the point that the one before could not decode.
+            for step in (max(size, _BLOCK), *_CORNERING_STEPS):
                 try:
-                    block = next(blocks)
-                except StopIteration as end:
-                    reason = end.value
+                    is_parallel = sound.has_table and step >= _BLOCK
+                    reader = laz.guarded(self._reader, file, sound, is_parallel, selection, done)
+                    while done < sound.points:
+                        block = laz.guarded(reader.read_points, min(step, sound.points - done))
+                        for start in range(0, len(block), size):
+                            yield block[start : start + size]
+                        done += len(block)
                     break
-                records = np.frombuffer(block, self.record_type)
-                for start in range(0, len(records), size):
-                    yield records[start : start + size]
-                done += len(records)
+                except laz.Undecodable as error:
+                    reason = str(error)
         if done < announced:
-            self.damage = damage_sentence(self.path, done, announced, reason or "unexpected end of data")
+            self.damage = damage_sentence(self.path, done, announced, reason)
 
-    def _compressed(self, file: BinaryIO, size: int, fields: int) -> Generator[bytes | bytearray, None, str | None]:
+    def evlrs(self) -> list[Any]:
+        """Return the extended records that lie completely inside the file, with views of the file as payloads."""
+        with open(self.path, "rb") as file:
+            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        header, minor = self.header, self.header.version.minor
+        if minor >= 4:
+            return _whole_records(data, header.start_of_first_evlr, header.number_of_evlrs, _EVLR)
+        # Waveforms inside a file of version 1.3 are one record at its end.
+        has_waveforms = minor == 3 and header.global_encoding.waveform_data_packets_internal
+        return _whole_records(data, header.start_of_waveform_data_packet_record, int(has_waveforms), _EVLR)
+
+    def _sound_part(self, file: BinaryIO) -> tuple[laz.Sound, str]:
+        """Say how many points can be tried, and why not more."""
         header = self.header
-        laszip = next((vlr for vlr in header.vlrs if vlr.user == LASZIP_USER), None)
-        if laszip is None:
-            raise FileError(f"{self.path} has a damaged header: the laszip record of its compressed points is missing")
-        points = laz.LazPoints(header.points_at, laszip.data, header.point_count, header.record_length)
-        return laz.decoded_blocks(file, points, size, fields)
-
-    def _plain(self, file: BinaryIO, size: int) -> Generator[bytes | bytearray, None, str | None]:
-        length = self.header.record_length
-        left = min(self.header.point_count, self._bytes_of_points // length)
-        file.seek(self.header.points_at)
-        while left > 0:
-            block = file.read(min(size, left) * length)
-            block = block[: len(block) // length * length]
-            if not block:
-                break
-            yield block
-            left -= len(block) // length
-        return "unexpected end of file"
-
-    def _dimension(self, records: NDArray[np.void], name: str) -> NDArray[Any]:
-        return np.ascontiguousarray(laspy.PackedPointRecord(records, self.point_format)[name])
-
-    def _parse_point_format(self) -> Any:
+        if not header.are_points_compressed:
+            whole = (os.fstat(file.fileno()).st_size - header.offset_to_point_data) // header.point_format.size
+            return laz.Sound(min(whole, header.point_count), True), "unexpected end of file"
         try:
-            parsed = laspy.LasHeader.read_from(header_stream(self.header)).point_format
-            itemsize = parsed.dtype().itemsize
-        except Exception as error:  # laspy reports a damaged record as whatever its parser ran into
-            raise FileError(f"{self.path} has a damaged header: {error}") from error
-        if itemsize != self.header.record_length:
-            raise FileError(
-                f"{self.path} has a damaged header: its points have {self.header.record_length} bytes, the dimensions "
-                f"it lists {itemsize}"
-            )
-        return parsed
+            return laz.sound_part(file, header), "the chunk after it is damaged"
+        except laz.Undecodable as error:
+            return laz.Sound(0, False), str(error)
+
+    def _reader(self, file: BinaryIO, sound: laz.Sound, is_parallel: bool, selection: Any, at: int) -> Any:
+        """Open a reader whose next point is `at`; without a chunk table the way there is through all before it."""
+        file.seek(0)
+        if selection is None or not sound.has_table:  # layers that are not decoded are skipped by seeking
+            selection = laspy.DecompressionSelection.all()
+        reader = laspy.LasReader(
+            file if sound.has_table else laz.ForwardOnly(file),
+            closefd=False,
+            laz_backend=laspy.LazBackend.LazrsParallel if is_parallel else laspy.LazBackend.Lazrs,
+            read_evlrs=False,
+            decompression_selection=selection,
+        )
+        reader.header.point_count = sound.points
+        if at > 0 and sound.has_table:
+            reader.seek(at)
+        elif at > 0:
+            for start in range(0, at, _BLOCK):
+                reader.read_points(min(_BLOCK, at - start))
+        return reader
 
 
-def stored_fields(point_format: int) -> np.dtype[Any]:
-    """Return the packed record of a point format without extra bytes."""
-    fields: np.dtype[Any] = laspy.PointFormat(point_format).dtype()
-    return fields
+def _read_header(file: BinaryIO, path: Path) -> tuple[Any, list[Any]]:
+    """Read the header, and its records with their payloads as they stand.
+
+    Raises
+    ------
+    FileError
+        The file is empty, is no LAS, or its header is cut off or contradicts itself.
+    """
+    length = os.fstat(file.fileno()).st_size
+    start = file.read(_SMALLEST_HEADER)
+    if not start:
+        raise FileError(f"{path} is empty, a LAS or LAZ file was expected")
+    if start[:4] != b"LASF":
+        raise FileError(f"{path} is no LAS or LAZ file: it starts with {start[:4]!r} where b'LASF' is expected")
+    if len(start) < _SMALLEST_HEADER:
+        raise FileError(f"{path} is cut off inside its header, after {len(start)} bytes")
+    size, points_at, vlr_count, format_byte = struct.unpack_from("<HIIB", start, 94)
+    if start[24] != 1 or start[25] > 5:
+        raise FileError(f"{path} is LAS version {start[24]}.{start[25]}; versions 1.0 to 1.5 can be read")
+    if points_at > min(length, _MAX_HEADER_BYTES):
+        raise FileError(
+            f"{path} is cut off before its first point: it has {length:,} bytes, "
+            f"the points should start at byte {points_at:,}"
+        )
+    if not _SMALLEST_HEADER <= size <= points_at:
+        raise FileError(
+            f"{path} has a damaged header: its size is given as {size} bytes, {_SMALLEST_HEADER} or more are needed "
+            f"in front of the first point at byte {points_at:,}"
+        )
+    if format_byte & 0x7F > _LARGEST_POINT_FORMAT:
+        raise FileError(f"{path} has point format {format_byte & 0x7F}; formats 0 to 10 can be read")
+    raw = start + file.read(points_at - len(start))
+    vlrs = _whole_records(raw, size, vlr_count, _VLR)
+    if len(vlrs) < vlr_count:
+        raise FileError(f"{path} has a damaged header: record {len(vlrs) + 1} of {vlr_count:,} reaches into the points")
+    return _parsed(raw, path), vlrs
 
 
-def new_header() -> LasHeader:
-    """Make an empty LAS 1.4 header for point format 6."""
-    stream = io.BytesIO()
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.global_encoding.wkt = True  # required from point format 6 on
-    header.generating_software = "streamseg"
-    header.write_to(stream)
-    raw = stream.getvalue()
-    return LasHeader(raw, (), b"")
+def _parsed(raw: bytes, path: Path) -> Any:
+    try:
+        header = laspy.LasHeader.read_from(io.BytesIO(raw))
+        header.point_format.dtype()
+    except Exception as error:  # laspy reports a damaged record as whatever its parser ran into
+        raise FileError(f"{path} has a damaged header: {error}") from error
+    # Some writers of version 1.4 fill in the old field only.
+    header.point_count = header.point_count or struct.unpack_from("<I", raw, 107)[0]
+    scales, offsets = header.scales, header.offsets
+    if not np.isfinite([scales, offsets]).all() or scales.min() <= 0:
+        raise FileError(
+            f"{path} has a damaged header: scale {tuple(scales.tolist())} and offset {tuple(offsets.tolist())} must be "
+            "finite numbers, and the scale above 0"
+        )
+    return header
 
 
-def require_dimension(source: LasSource, name: str) -> None:
-    """Raise InvalidInput unless the file has the dimension."""
-    if name not in source.dimensions:
-        raise InvalidInput(f"{source.path} has no dimension {name!r}; there are: {', '.join(source.dimensions)}")
+def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: struct.Struct) -> list[Any]:
+    """List the variable length records that lie completely inside `data`.
+
+    laspy goes on reading behind the end, and writes the payloads that it understands in its own way.
+    """
+    found: list[Any] = []
+    while len(found) < announced and at + layout.size <= len(data):
+        user, number, length, about = layout.unpack_from(data, at)
+        at += layout.size + length
+        if at > len(data):
+            break
+        user, about = (text.split(b"\0")[0].decode("ascii", "ignore") for text in (user, about))
+        found.append(laspy.VLR(user, number, about, data[at - length : at]))
+    return found
 
 
-def _size_of(file: BinaryIO) -> int:
-    return os.fstat(file.fileno()).st_size
+def _linear_unit(header: Any) -> str | None:
+    """Abbreviation of the horizontal unit, where the coordinate system of the file says it plainly; else None."""
+    keys = {key.id: key.value_offset for vlr in header.vlrs.get("GeoKeyDirectoryVlr") for key in vlr.geo_keys}
+    if keys.get(_LINEAR_UNIT_KEY) in _UNITS_BY_CODE:
+        return _UNITS_BY_CODE[keys[_LINEAR_UNIT_KEY]]
+    text = "".join(vlr.string for vlr in header.vlrs.get("WktCoordinateSystemVlr")).lower()
+    names = re.findall(r'(?:length)?unit\["([^"]+)"', text)
+    unit = next((_UNITS_BY_NAME[name] for name in reversed(names) if name in _UNITS_BY_NAME), None)
+    return unit or ("m" if keys.get(_PROJECTED_SYSTEM_KEY, 0) // 100 in _METRIC_UTM_BLOCKS else None)

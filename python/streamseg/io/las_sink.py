@@ -1,106 +1,34 @@
-"""Labelled clouds written as LAS or LAZ."""
+"""Labelled clouds written as LAS or LAZ, by laspy."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from copy import deepcopy
 from math import floor
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 
 from ..errors import InvalidInput, StreamsegWarning
-from . import laz
 from .cloud import DEFAULT_CHUNK, Chunk, Cloud
-from .las import LasSource, new_header, stored_fields
-from .las_header import COPC_USER, LASZIP_USER, WAVEFORM_RECORD, Evlr, LasHeader, find_evlrs, new_vlr
-from .las_layout import describe_extras, labelled_layout, segment_field
+from .labels import SEGMENT_DIMENSION
+from .las import LasSource, laspy
 from .lattice import Lattice, Triple
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
-_COPIED_AT_ONCE = 1 << 20
-_RETURNS_AT = 14
 _INT32 = np.iinfo(np.int32)
-_LEGACY_LIMIT = 1 << 32
-_LAX_USER = b"LAStools"
-_NEW_FORMAT = 6
-_SINGLE_RETURN = 0x11
 _STEPS_OF_SMALL_CLOUDS = 1e6
-
-
-class LasWriter:
-    """Writes packed records, and at the end the header that is true of them."""
-
-    def __init__(self, file: BinaryIO, header: LasHeader, compressed: bool) -> None:
-        self._file = file
-        self._compressor: Any = None
-        if compressed:
-            extra = header.record_length - stored_fields(header.point_format).itemsize
-            data, start = laz.encoder(file, header.point_format, extra)
-            laszip = new_vlr(LASZIP_USER, 22204, data, b"http://laszip.org")
-            header = replace(header, vlrs=(*header.vlrs, laszip))
-            header = header.patched("B", 104, header.point_format | 0x80)
-        self._header = header
-        file.write(header.to_bytes())
-        if compressed:
-            self._compressor = start()
-        self.count = 0
-        self._returns = np.zeros(16, np.int64)
-        self._lowest = np.full(3, np.inf)
-        self._highest = np.full(3, -np.inf)
-
-    def append(self, records: NDArray[np.uint8]) -> None:
-        """Write ``(n, record_length)`` bytes."""
-        if len(records) == 0:
-            return
-        if self._compressor is not None:
-            self._compressor.compress_many(records.reshape(-1))
-        else:
-            self._file.write(records.data)
-        steps = np.ascontiguousarray(records[:, :12]).view("<i4")
-        self._lowest = np.minimum(self._lowest, steps.min(axis=0))
-        self._highest = np.maximum(self._highest, steps.max(axis=0))
-        number_bits = 0b111 if self._header.point_format < _NEW_FORMAT else 0b1111
-        self._returns += np.bincount(records[:, _RETURNS_AT] & number_bits, minlength=16)
-        self.count += len(records)
-
-    def finish(self, original: BinaryIO | None, evlrs: list[Evlr]) -> None:
-        """Copy extended records from the `original` file and bring the header up to date."""
-        if self._compressor is not None:
-            self._compressor.done()
-        header, file = self._header, self._file
-        start = file.seek(0, 2)
-        if header.minor >= 3:
-            header = header.patched("Q", 227, 0)
-        for evlr in evlrs:
-            if evlr.record_id == WAVEFORM_RECORD and evlr.user == b"LASF_Spec":
-                header = header.patched("Q", 227, file.tell())
-            assert original is not None
-            _copy(original, evlr.start, evlr.stop, file)
-        if header.minor >= 4:
-            header = header.patched("QI", 235, start if evlrs else 0, len(evlrs))
-        file.seek(0)
-        file.write(self._with_counts(header).to_bytes())
-        file.seek(0, 2)
-
-    def _with_counts(self, header: LasHeader) -> LasHeader:
-        lattice = header.lattice
-        low, high = (
-            steps * np.asarray(lattice.scale) + np.asarray(lattice.offset) for steps in (self._lowest, self._highest)
-        )
-        by_return = self._returns[1:].tolist()
-        fits = header.point_format < _NEW_FORMAT and self.count < _LEGACY_LIMIT
-        header = header.patched("6I", 107, *([self.count, *by_return[:5]] if fits else [0] * 6))
-        header = header.patched("6d", 179, *np.column_stack((high, low)).ravel().tolist())
-        if header.minor >= 4:
-            header = header.patched("Q15Q", 247, self.count, *by_return)
-        elif not fits:
-            raise InvalidInput(f"LAS 1.{header.minor} holds at most {_LEGACY_LIMIT - 1:,} points, got {self.count:,}")
-        return header
+_LONGEST_RECORD = 65535
+_WAVEFORM_FORMATS = {4, 5, 9, 10}
+# Formats that share their bit fields and differ only in which of time, color and infrared they carry.
+_FAMILIES = ((0, 1, 2, 3), (6, 7, 8))
+_EXTRA_BYTES, _WAVEFORMS = ("LASF_Spec", 4), ("LASF_Spec", 65535)
+_LASZIP_USER, _COPC_USER, _LAX_USER = "laszip encoded", "copc", "LAStools"
+_EVLR_HEAD = 60
 
 
 class RecordSink:
@@ -110,14 +38,16 @@ class RecordSink:
         self._cloud = cloud
         self._sources = cast("tuple[LasSource, ...]", cloud.sources)
         self._compressed = compressed
-        self._layout = labelled_layout(self._sources)
-        scale_and_offset = (*cloud.lattice.scale, *cloud.lattice.offset)
-        self._layout = self._layout._replace(header=self._layout.header.patched("6d", 131, *scale_and_offset))
+        self._header = _labelled_header(self._sources)
+        self._header.scales, self._header.offsets = np.array(cloud.lattice.scale), np.array(cloud.lattice.offset)
+        if (cloud.point_count or 0) > self._header.max_point_count():
+            limit = self._header.max_point_count()
+            raise InvalidInput(f"LAS {self._header.version} holds at most {limit:,} points, got {cloud.point_count:,}")
         self._read = 0
 
     def begin(self, file: BinaryIO) -> None:
         """Write the header."""
-        self._writer = LasWriter(file, self._layout.header, self._compressed)
+        self._file, self._writer = file, _writer(file, self._header, self._compressed)
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and the records, per block."""
@@ -125,7 +55,7 @@ class RecordSink:
         for index, source in enumerate(self._sources):
             for records in source.records(DEFAULT_CHUNK):
                 self._read += len(records)
-                yield len(records), (index, records)
+                yield len(records), (index, records.array)
             self._cloud.note_damage(source)
 
     def append(self, block: tuple[int, NDArray[np.void]], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
@@ -133,28 +63,38 @@ class RecordSink:
         index, records = block
         if not kept.all():
             records, ids = records[kept], ids[kept]
-        packed = self._layout.convert(records, index)
+        points = laspy.PackedPointRecord.zeros(len(records), self._writer.header.point_format)
+        # Bit fields are copied packed and scaled dimensions unscaled, so nothing is rounded.
+        for name in set(records.dtype.names or ()) - {SEGMENT_DIMENSION}:
+            points.array[name] = records[name]
         shift = self._cloud.shifts[index]
         if not shift.is_identity:
-            points = np.ascontiguousarray(packed[:, :12]).view("<i4").astype(np.float64)
-            shift.apply(points)
-            packed[:, :12] = _as_int32(points, self._cloud.lattice, self._sources[index].path.name)
-        at = self._layout.segment_at
-        packed[:, at : at + 8] = _bytes_of(ids.astype("<i8"))
-        self._writer.append(packed)
+            steps = np.column_stack([records[axis] for axis in "XYZ"]).astype(np.float64)
+            shift.apply(steps)
+            _set_steps(points, steps, self._cloud.lattice, self._sources[index].path.name)
+        points.array[SEGMENT_DIMENSION] = ids
+        self._writer.write_points(points)
         return len(records)
 
     def finish(self) -> None:
         """Write what stands behind the points and the final header."""
-        is_same_points = len(self._sources) == 1 and self._writer.count == self._read
-        with open(self._sources[0].path, "rb") as original:
-            evlrs = [
-                evlr
-                for evlr in find_evlrs(original, self._sources[0].header)
-                # A spatial index counts points, so it is only true of the same points.
-                if evlr.user != COPC_USER and (evlr.user != _LAX_USER or is_same_points)
-            ]
-            self._writer.finish(original, evlrs)
+        header = self._writer.header
+        is_same_points = len(self._sources) == 1 and self._read == header.point_count
+        header.start_of_waveform_data_packet_record = 0
+        # A spatial index counts points, so it is only true of the same points.
+        dropped = {_COPC_USER} if is_same_points else {_COPC_USER, _LAX_USER}
+        if evlrs := [evlr for evlr in self._sources[0].evlrs() if evlr.user_id not in dropped]:
+            self._writer.point_writer.done()
+            self._writer.done = True
+            at = self._file.seek(0, 2)
+            if header.version.minor >= 4:
+                header.start_of_first_evlr, header.number_of_evlrs = at, len(evlrs)
+            for evlr in evlrs:
+                if (evlr.user_id, evlr.record_id) == _WAVEFORMS:
+                    header.start_of_waveform_data_packet_record = at
+                at += _EVLR_HEAD + len(evlr.record_data)
+            laspy.vlrs.vlrlist.VLRList(evlrs).write_to(self._file, as_extended=True)
+        self._writer.close()
 
 
 class PointSink:
@@ -164,15 +104,15 @@ class PointSink:
         self._cloud = cloud
         self._compressed = compressed
         self._lattice = fitting_lattice(cloud)
-        fields = stored_fields(_NEW_FORMAT)
-        header = describe_extras(new_header(), [segment_field()])
-        header = header.patched("6d", 131, *self._lattice.scale, *self._lattice.offset)
-        self._header = header.patched("BH", 104, _NEW_FORMAT, fields.itemsize + 8)
-        self._standard_bytes = fields.itemsize
+        self._header = laspy.LasHeader(version="1.4", point_format=6)
+        self._header.global_encoding.wkt = True  # required from point format 6 on
+        self._header.generating_software = "streamseg"
+        self._header.scales, self._header.offsets = np.array(self._lattice.scale), np.array(self._lattice.offset)
+        _describe(self._header, [_segment_dimension()], {})
 
     def begin(self, file: BinaryIO) -> None:
         """Write the header."""
-        self._writer = LasWriter(file, self._header, self._compressed)
+        self._writer = _writer(file, self._header, self._compressed)
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and the points, per block."""
@@ -181,18 +121,18 @@ class PointSink:
 
     def append(self, block: Chunk, ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
         """Write those points of the block that are `kept`."""
-        points, lattice = block.points[kept], self._lattice
-        steps = np.rint((points - np.asarray(lattice.offset)) / np.asarray(lattice.scale))
-        packed = np.zeros((len(points), self._header.record_length), np.uint8)
-        packed[:, :12] = _as_int32(steps, lattice, self._cloud.paths[0].name)
-        packed[:, _RETURNS_AT] = _SINGLE_RETURN
-        packed[:, self._standard_bytes :] = _bytes_of(ids[kept].astype("<i8"))
-        self._writer.append(packed)
-        return len(points)
+        coordinates, lattice = block.points[kept], self._lattice
+        steps = np.rint((coordinates - np.asarray(lattice.offset)) / np.asarray(lattice.scale))
+        points = laspy.PackedPointRecord.zeros(len(steps), self._writer.header.point_format)
+        _set_steps(points, steps, lattice, self._cloud.paths[0].name)
+        points["return_number"] = points["number_of_returns"] = np.ones(len(steps), np.uint8)
+        points[SEGMENT_DIMENSION] = ids[kept]
+        self._writer.write_points(points)
+        return len(steps)
 
     def finish(self) -> None:
         """Write the final header."""
-        self._writer.finish(None, [])
+        self._writer.close()
 
 
 def fitting_lattice(cloud: Cloud) -> Lattice:
@@ -226,23 +166,103 @@ def fitting_lattice(cloud: Cloud) -> Lattice:
     return Lattice((scale, scale, scale), offset)
 
 
-def _as_int32(steps: NDArray[np.float64], lattice: Lattice, name: str) -> NDArray[np.uint8]:
+def _writer(file: BinaryIO, header: Any, compressed: bool) -> Any:
+    return laspy.LasWriter(file, header, do_compress=compressed, closefd=False, encoding_errors="ignore")
+
+
+def _set_steps(points: Any, steps: NDArray[np.float64], lattice: Lattice, name: str) -> None:
     if len(steps) and (steps.min() < _INT32.min or steps.max() > _INT32.max):
         raise InvalidInput(
             f"{name} has points too far away for 32 bit steps of scale {lattice.scale} from offset {lattice.offset}; "
             "write the files one by one, or bring them to one coarser scale first"
         )
-    return _bytes_of(steps.astype("<i4"))
+    for axis, dimension in enumerate("XYZ"):
+        points[dimension] = steps[:, axis]
 
 
-def _bytes_of(values: NDArray[Any]) -> NDArray[np.uint8]:
-    bytes_per_row = values.itemsize * (values.shape[1] if values.ndim == 2 else 1)
-    return values.view(np.uint8).reshape(len(values), bytes_per_row)
+def _labelled_header(sources: Sequence[LasSource]) -> Any:
+    """Make the header of records that hold every dimension of all `sources`, and the segment id.
+
+    Raises
+    ------
+    InvalidInput
+        The point formats cannot be brought together.
+    """
+    header, point_format = deepcopy(sources[0].header), laspy.PointFormat(_common_format(sources))
+    version = header.version
+    if point_format.id not in laspy.point.dims.VERSION_TO_POINT_FMT.get(str(version), ()):
+        version = type(version).from_str(laspy.point.dims.preferred_file_version_for_point_format(point_format.id))
+    header.set_version_and_point_format(version, point_format)
+    header.vlrs = [
+        vlr
+        for vlr in sources[0].vlrs  # the output is described and compressed anew, and not as an octree
+        if vlr.user_id not in (_LASZIP_USER, _COPC_USER) and (vlr.user_id, vlr.record_id) != _EXTRA_BYTES
+    ]
+    known = {struct.name: struct for source in reversed(sources) for struct in _described(source.header)}
+    known.pop(SEGMENT_DIMENSION.encode(), None)
+    _describe(header, _union(sources), known)
+    if header.point_format.size > _LONGEST_RECORD:
+        size = header.point_format.size
+        raise InvalidInput(f"points would take {size} bytes each with a segment id; LAS allows {_LONGEST_RECORD}")
+    return header
 
 
-def _copy(source: BinaryIO, start: int, stop: int, target: BinaryIO) -> None:
-    source.seek(start)
-    while start < stop:
-        block = source.read(min(_COPIED_AT_ONCE, stop - start))
-        target.write(block)
-        start += len(block)
+def _segment_dimension() -> Any:
+    params = laspy.ExtraBytesParams(SEGMENT_DIMENSION, "i8", "streamseg segment, -1 = none")
+    return laspy.DimensionInfo.from_extra_bytes_param(params)
+
+
+def _described(header: Any) -> list[Any]:
+    return [struct for vlr in header.vlrs.get("ExtraBytesVlr") for struct in vlr.extra_bytes_structs]
+
+
+def _describe(header: Any, dimensions: list[Any], known: dict[bytes, Any]) -> None:
+    """Add extra dimensions, with their descriptions as they are `known`: laspy would lose what means no data.
+
+    Smallest and largest values are not given: those that laspy finds are not true of all points.
+    """
+    names = {SEGMENT_DIMENSION, *(name.decode() for name in known)}
+    described = [dimension for dimension in dimensions if dimension.name in names]
+    # Bytes that nobody describes have to be the last.
+    header.point_format.dimensions += described + [one for one in dimensions if one.name not in names]
+    header.vlrs = list(header.vlrs)  # adds the record that describes the dimensions
+    (record,) = header.vlrs.get("ExtraBytesVlr")
+    structs = record.extra_bytes_structs[: len(described)]
+    record.extra_bytes_structs = [deepcopy(known.get(struct.name, struct)) for struct in structs]
+    for struct in record.extra_bytes_structs:
+        if struct.data_type:
+            struct.options &= ~(struct.MIN_BIT_MASK | struct.MAX_BIT_MASK)
+
+
+def _common_format(sources: Sequence[LasSource]) -> int:
+    formats = sorted({int(source.header.point_format.id) for source in sources})
+    if len(formats) == 1 and (len(sources) == 1 or formats[0] not in _WAVEFORM_FORMATS):
+        return formats[0]
+    for family in _FAMILIES:
+        if set(formats) <= set(family):
+            # Format 3 is the only one that has both the time of 1 and the color of 2.
+            return 3 if family[0] == 0 and formats[-2:] == [1, 2] else formats[-1]
+    listed = ", ".join(f"{source.path.name} has {source.header.point_format.id}" for source in sources)
+    raise InvalidInput(
+        f"these files cannot be written as one: of their point formats ({listed}) only 0 to 3, or 6 to 8, go together"
+    )
+
+
+def _union(sources: Sequence[LasSource]) -> list[Any]:
+    """List the extra dimensions of all files, and the segment id if it is not there or of another type."""
+    union: dict[str, Any] = {}
+    for source in sources:
+        for dimension in source.header.point_format.extra_dimensions:
+            if dimension.name == SEGMENT_DIMENSION:
+                if dimension.dtype == np.int64 and not dimension.is_scaled:
+                    union.setdefault(SEGMENT_DIMENSION, _segment_dimension())
+                continue
+            first = union.setdefault(dimension.name, dimension)
+            is_scaled_alike = first._replace(description="") == dimension._replace(description="")
+            if first.dtype != dimension.dtype or not is_scaled_alike:
+                raise InvalidInput(
+                    f"these files cannot be written as one: dimension {dimension.name!r} of {source.path.name} has "
+                    f"another type, scale or offset than in {sources[0].path.name}"
+                )
+    union.setdefault(SEGMENT_DIMENSION, _segment_dimension())
+    return list(union.values())

@@ -118,7 +118,7 @@ def fill_gaps(raster: Raster) -> Raster:
 
 def touching(index: NDArray[np.intp], shown: Ids) -> list[NDArray[np.intp]]:
     """For each segment those that come within a few pixels of it."""
-    keys = []
+    pairs = np.empty(0, np.int64)
     for distance in _NEAR_PIXELS:
         for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
             if distance >= min(index.shape) and distance > 1:
@@ -126,19 +126,20 @@ def touching(index: NDArray[np.intp], shown: Ids) -> list[NDArray[np.intp]]:
             one, other = shifted(index.shape, dy * distance, dx * distance)
             a, b = index[one], index[other]
             meet = (a != b) & (shown[a] >= 0) & (shown[b] >= 0)
-            first, second = a[meet].astype(np.int64), b[meet].astype(np.int64)
-            keys.append(np.unique(first * len(shown) + second))
-            keys.append(np.unique(second * len(shown) + first))
-    pairs = np.unique(np.concatenate(keys))
+            a, b = a[meet], b[meet]
+            pairs = np.union1d(pairs, np.minimum(a, b) * len(shown) + np.maximum(a, b))
+    first, second = np.divmod(pairs, len(shown))
+    pairs = np.sort(np.concatenate((pairs, second * len(shown) + first)))
     first, second = np.divmod(pairs, len(shown))
     return np.split(second, np.searchsorted(first, np.arange(1, len(shown))))
 
 
-def hillshade(raster: Raster) -> Floats:
-    """Brightness of the relief, lit from the north-west: 1 on flat ground, (rows, columns) float64."""
+def hillshade(raster: Raster) -> NDArray[np.float32]:
+    """Brightness of the relief, lit from the north-west: 1 on flat ground, (rows, columns) float32."""
     drawn = raster.height > -np.inf
     low, high = height_range(raster.height)
-    height = _smoothed(np.where(drawn, np.clip(raster.height, low, high), 0.0), drawn)
+    above = np.where(drawn, raster.height.clip(low, high) - low, 0.0).astype(np.float32)
+    height = _smoothed(above, drawn)
     # Flat scenes are exaggerated and steep ones calmed, so that both show relief.
     exaggeration = min(0.06 * max(height.shape) * raster.pixel / (high - low), 4.0)
     padded = np.pad(height, 1, mode="edge")
@@ -146,9 +147,8 @@ def hillshade(raster: Raster) -> Floats:
     east = np.nan_to_num((padded[1:-1, 2:] - padded[1:-1, :-2]) / (2 * raster.pixel)) * exaggeration
     # The dot product of the surface's upward normal and the light, relative to flat ground.
     facing = (1 + 0.7 * (south + east)) / np.sqrt(1 + south**2 + east**2)
-    level = np.where(drawn, (raster.height - low) / (high - low), 0.0).clip(0, 1)
-    lit: Floats = (0.45 + 0.55 * facing.clip(0, 1.6) + 0.15 * (level - 0.4)).clip(0.42, 1.35)
-    return lit
+    lit: NDArray[np.float32] = 0.45 + 0.55 * facing.clip(0, 1.6) + 0.15 * (above / (high - low) - 0.4)
+    return lit.clip(0.42, 1.35)
 
 
 def height_range(height: Floats) -> tuple[float, float]:
@@ -157,14 +157,14 @@ def height_range(height: Floats) -> tuple[float, float]:
     return (float(low), float(high)) if high > low else (float(low) - 0.5, float(high) + 0.5)
 
 
-def _smoothed(height: Floats, drawn: NDArray[np.bool_]) -> Floats:
+def _smoothed(height: NDArray[np.float32], drawn: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Mean of each drawn pixel and its drawn neighbors; NaN elsewhere."""
-    total, weight = 2 * height, 2.0 * drawn
+    total, weight = 2 * height, np.float32(2) * drawn
     for dy, dx in DIRECTIONS:
         target, source = shifted(height.shape, dy, dx)
         total[target] += height[source]
         weight[target] += drawn[source]
-    mean: Floats = np.where(drawn, total / np.maximum(weight, 1), np.nan)
+    mean: NDArray[np.float32] = np.where(drawn, total / np.maximum(weight, 1), np.float32(np.nan))
     return mean
 
 

@@ -1,0 +1,6 @@
+//! Slow and obvious twins of what the library computes, on whole numbers.
+
+pub mod delaunay;
+pub mod partition;
+pub mod radius;
+pub mod weaver;

@@ -1,0 +1,1 @@
+"""Slow, readable twins of the core, to be read beside the papers."""

@@ -1,0 +1,141 @@
+//! Streams a cloud through the whole pipeline and gathers everything that is known of its points.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use streamseg::crew::Crew;
+use streamseg::lattice::Lattice;
+use streamseg::pipeline::{Outgoing, Pipeline};
+use streamseg::segmentor::Segmentor;
+use streamseg::settlement::Settlement;
+use streamseg::span::{Chunk, PointIds, Source, Span, SpanBy, spans_of};
+use streamseg::weaver::SegmentRow;
+use streamseg::window::{Window, WindowSize};
+
+/// How a cloud is streamed.
+#[derive(Debug, Clone)]
+pub struct Run {
+    pub by: SpanBy,
+    pub size: WindowSize,
+    pub source: Source,
+    /// Sizes of the chunks in which the source delivers, over and over.
+    pub chunks: Vec<usize>,
+    pub threads: usize,
+}
+
+/// What came out, by point id.
+#[derive(Debug, PartialEq)]
+pub struct Outcome {
+    pub raw: Vec<i64>,
+    pub carried: Vec<i64>,
+    /// The carried ids, made final along the aliases that came with the spans.
+    pub with_aliases: Vec<i64>,
+    pub resolved_raw: Vec<i64>,
+    pub resolved_carried: Vec<i64>,
+    pub settled: Vec<i64>,
+    pub rows: Vec<SegmentRow>,
+    /// Points per span, in the order in which spans came out.
+    pub spans: Vec<usize>,
+}
+
+/// A chunk of points without attributes.
+pub fn chunk(points: &[[f64; 3]]) -> Chunk {
+    Chunk { points: points.to_vec(), attributes: vec![] }
+}
+
+/// Cuts `points` into chunks of the given sizes, over and over.
+pub fn chunks_of(points: &[[f64; 3]], sizes: &[usize]) -> Vec<Chunk> {
+    assert!(sizes.iter().any(|&size| size > 0));
+    let mut chunks = Vec::new();
+    let mut rest = points;
+    for &size in sizes.iter().cycle() {
+        if rest.is_empty() {
+            break;
+        }
+        let (taken, left) = rest.split_at(size.min(rest.len()));
+        chunks.push(chunk(taken));
+        rest = left;
+    }
+    chunks
+}
+
+/// The pipeline of a run over `points`.
+pub fn pipeline(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmentor>, run: &Run) -> Pipeline {
+    let chunks = chunks_of(points, &run.chunks).into_iter().map(Ok);
+    let spans = spans_of(chunks, run.by, &lattice, run.source).unwrap();
+    Pipeline::new(spans, lattice, segmentor, run.size, Crew::new(run.threads).unwrap())
+}
+
+/// Streams `points` to the end.
+///
+/// # Panics
+/// If a point does not come out exactly once, or anything fails.
+pub fn stream(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmentor>, run: &Run) -> Outcome {
+    let mut pipeline = pipeline(points, lattice, segmentor, run);
+    let outgoing: Vec<Outgoing> = pipeline.by_ref().map(Result::unwrap).collect();
+    assert!(pipeline.next().is_none(), "an exhausted pipeline stays so");
+    assert_eq!((pipeline.weaver().live_points(), pipeline.weaver().live_segments()), (0, 0));
+
+    let point_ids: Vec<Vec<i64>> = outgoing.iter().map(|out| point_ids(&out.span)).collect();
+    let by_point = |ids: &dyn Fn(usize) -> Vec<i64>| once_each(points.len(), &point_ids, ids);
+    let raw = by_point(&|span| outgoing[span].segmented.raw_ids.clone());
+    let carried = by_point(&|span| outgoing[span].segmented.carried_ids.clone());
+    let (mut resolved_raw, mut resolved_carried) = (raw.clone(), carried.clone());
+    pipeline.aliases().resolve(&mut resolved_raw).unwrap();
+    pipeline.aliases().resolve(&mut resolved_carried).unwrap();
+    let settled = settle(&mut pipeline, &outgoing, &point_ids);
+    Outcome {
+        with_aliases: follow(&carried, outgoing.iter().flat_map(|out| &out.segmented.aliases)),
+        settled: by_point(&|span| settled[span].clone()),
+        rows: outgoing.iter().flat_map(|out| out.segmented.segments.clone()).collect(),
+        spans: outgoing.iter().map(|out| out.span.len()).collect(),
+        raw,
+        carried,
+        resolved_raw,
+        resolved_carried,
+    }
+}
+
+/// The whole cloud as one window.
+pub fn static_labels(points: &[[f64; 3]], lattice: Lattice, segmentor: &dyn Segmentor) -> Vec<i64> {
+    let span = Span { index: 0, point_ids: PointIds::From(0), points: points.to_vec(), extent: None };
+    let labels = segmentor.segment(&Window::new(0, vec![Arc::new(span)], lattice)).unwrap();
+    labels.of_points().iter().copied().map(i64::from).collect()
+}
+
+/// The point ids of a span.
+pub fn point_ids(span: &Span) -> Vec<i64> {
+    (0..span.len()).map(|position| span.point_id(position)).collect()
+}
+
+fn once_each(points: usize, point_ids: &[Vec<i64>], ids: &dyn Fn(usize) -> Vec<i64>) -> Vec<i64> {
+    let mut of_point = vec![None; points];
+    for (span, point_ids) in point_ids.iter().enumerate() {
+        let ids = ids(span);
+        assert_eq!(ids.len(), point_ids.len(), "span {span}");
+        for (&point, id) in point_ids.iter().zip(ids) {
+            assert!(of_point[point as usize].replace(id).is_none(), "point {point} came out twice");
+        }
+    }
+    of_point.into_iter().map(|id| id.expect("every point comes out")).collect()
+}
+
+fn settle(pipeline: &mut Pipeline, outgoing: &[Outgoing], point_ids: &[Vec<i64>]) -> Vec<Vec<i64>> {
+    let mut settlement = Settlement::new().unwrap();
+    for (out, point_ids) in outgoing.iter().zip(point_ids) {
+        let segmented = &out.segmented;
+        settlement.keep(segmented.index, point_ids, &segmented.carried_ids, &[], segmented.settles_at).unwrap();
+    }
+    settlement.settle(pipeline.aliases()).unwrap();
+    settlement.map(|span| span.unwrap().segment_ids).collect()
+}
+
+/// What ids become if each is replaced by what its alias says, until no alias is left.
+pub fn follow<'a>(ids: &[i64], aliases: impl IntoIterator<Item = &'a [i64; 2]>) -> Vec<i64> {
+    let mut becomes: HashMap<i64, i64> = HashMap::new();
+    for &[id, smaller] in aliases {
+        assert!(smaller < id && becomes.insert(id, smaller).is_none(), "alias {id} -> {smaller}");
+    }
+    let end = |&id: &i64| std::iter::successors(Some(id), |id| becomes.get(id).copied()).last().unwrap_or(id);
+    ids.iter().map(end).collect()
+}
