@@ -42,7 +42,7 @@ pub enum Error {
     },
     /// A history tells of a segment that cannot be.
     #[error(
-        "the history tells of segment {segment_id} where it cannot be; it is damaged, or its parts are out of order"
+        "the history is damaged, or its parts are out of order: it tells of segment {segment_id} where that cannot be"
     )]
     DamagedHistory {
         /// The segment's id.

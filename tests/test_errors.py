@@ -286,6 +286,7 @@ def test_every_error_derives_from_the_root_and_from_what_people_expect() -> None
         ss.FileError: OSError,
         ss.OutputExists: FileExistsError,
         ss.MissingExtra: ImportError,
+        ss.StreamInUse: RuntimeError,
     }
     errors = [thing for thing in vars(ss).values() if isinstance(thing, type) and issubclass(thing, ss.StreamsegError)]
     assert set(errors) == {ss.StreamsegError, *expected}

@@ -46,7 +46,7 @@ class StreamsegWarning(UserWarning):
 
 def warn(message: str) -> None:
     """Warn of something at the place outside of streamseg that led to it."""
-    level = 1
+    level = 2
     frame = sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "streamseg":
         frame = frame.f_back

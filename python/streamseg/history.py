@@ -245,8 +245,8 @@ class History:
             settlement.keep_ids(index, part.point_ids, carried, position)
         if points != self.manifest["points"]:
             raise InvalidInput(
-                f"the history {self.folder} is damaged: its parts hold {points:,} points, "
-                f"its manifest says {self.manifest['points']:,}"
+                f"the history is damaged: the parts in {self.folder} hold {points:,} points, "
+                f"the manifest says {self.manifest['points']:,}"
             )
         replay.settle(settlement)
         for settled in settlement:

@@ -214,7 +214,8 @@ class Stream:
         except StreamInUse:
             raise
         except BaseException:
-            self._stopped = self._stopped or self._core.is_ended()
+            if self._core.is_ended():
+                self._end(complete=False)
             raise
         if self._history is not None:
             self._write(self._history, span)
