@@ -36,7 +36,7 @@ lint: $(BUILT) $(TOOLS) ## format, lints, types and stubs; any warning fails
 
 test-rust: check-tools ## the core, without Python
 	cargo test --quiet
-	LOOM_MAX_PREEMPTIONS=2 RUSTFLAGS="--cfg loom" cargo test --quiet --release --target-dir target/loom --test weaver_model
+	LOOM_MAX_PREEMPTIONS=2 RUSTFLAGS="--cfg loom" cargo test --quiet --profile model --target-dir target/loom --test weaver_model
 
 test-python: $(BUILT) $(TOOLS) ## the package, on real clouds too (STREAMSEG_DATA)
 	$(BIN)/python -m pytest --quiet
@@ -48,7 +48,7 @@ figures: $(BUILT) $(TOOLS) ## the paper's figures 5 and 6, into figures/
 	$(BIN)/python benches/figures.py --out figures
 
 model: check-tools ## every interleaving of the look-up tables (minutes)
-	RUSTFLAGS="--cfg loom" cargo test --release --target-dir target/loom --test weaver_model
+	RUSTFLAGS="--cfg loom" cargo test --profile model --target-dir target/loom --test weaver_model
 
 fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
 	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test weaver_is_sequential
