@@ -147,7 +147,7 @@ def test_a_folder_without_permission_is_refused(tmp_path: Path, source: Path, mo
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o500)
     if os.geteuid() == 0:  # root may write everywhere: let the system answer as it would anybody else
-        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != closed or not mode & os.W_OK)
+        monkeypatch.setattr(os, "access", lambda path, mode: path != closed or not mode & os.W_OK)
     check_output(tmp_path / "out.laz", [source])
     with pytest.raises(FileError, match="no permission"):
         check_output(closed / "out.laz", [source])
