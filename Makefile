@@ -26,6 +26,7 @@ demo: $(BUILT) ## make a scene, segment it as a stream, leave pictures and files
 test: lint test-rust test-python ## every check and every test
 
 lint: $(BUILT) $(TOOLS) ## format, lints, types and stubs; any warning fails
+	@cargo fmt --version >/dev/null 2>&1 && cargo clippy --version >/dev/null 2>&1 || { echo "streamseg: the checks need rustfmt and clippy; get them with: rustup component add rustfmt clippy"; exit 1; }
 	cargo fmt --check
 	cargo clippy --quiet --all-targets -- -D warnings
 	cargo clippy --quiet --features python -- -D warnings

@@ -31,7 +31,8 @@ pub struct Pipeline {
     /// Spans of woven windows, in scope.
     live: VecDeque<Arc<Span>>,
     ready: VecDeque<Outgoing>,
-    woven: VecDeque<WovenWindow>,
+    /// Windows that no span has told yet.
+    untold: Vec<WovenWindow>,
     failure: Option<Error>,
     finished: bool,
     look_up: LookUp,
@@ -45,6 +46,8 @@ pub struct Outgoing {
     pub span: Arc<Span>,
     /// What the weaver knows of it.
     pub segmented: EvictedSpan,
+    /// The windows woven since the last span came out.
+    pub windows: Vec<WovenWindow>,
 }
 
 /// What became of a window.
@@ -91,6 +94,7 @@ impl Pipeline {
     /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`. A segmentor that cannot label
     /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
+        let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
         Self {
             spans: Some(spans),
             slider: Slider::new(size, lattice),
@@ -100,7 +104,7 @@ impl Pipeline {
             weaver: Weaver::default(),
             live: VecDeque::new(),
             ready: VecDeque::new(),
-            woven: VecDeque::new(),
+            untold: Vec::new(),
             failure: None,
             finished: false,
             look_up: Box::new(|_| Ok(())),
@@ -115,19 +119,16 @@ impl Pipeline {
         self
     }
 
-    /// Asks the source for no further span: those that have come are segmented and come out, then the stream ends.
+    /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
-        self.spans = None;
+        if let Some(spans) = &mut self.spans {
+            spans.stop();
+        }
     }
 
     /// Whether nothing more will come out: no span and no failure.
     pub fn is_ended(&self) -> bool {
         self.finished && self.ready.is_empty() && self.failure.is_none()
-    }
-
-    /// The windows woven since this was last asked.
-    pub fn take_woven(&mut self) -> Vec<WovenWindow> {
-        self.woven.drain(..).collect()
     }
 
     /// How far the run is.
@@ -217,7 +218,7 @@ impl Pipeline {
         let first_segment_id = self.weaver.next_id();
         let evicted = self.weaver.weave(&window, &self.crew);
         self.progress.weaving += begun.elapsed();
-        self.woven.push_back(WovenWindow {
+        self.untold.push(WovenWindow {
             index,
             first_span,
             spans: spans.len(),
@@ -242,15 +243,15 @@ impl Pipeline {
         };
         self.spans = None;
         self.under_way.clear();
-        // The spans of a window that will never come.
-        let _ = self.slider.finish();
+        self.slider.clear();
     }
 
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
             if let Some(span) = self.live.pop_front() {
                 self.progress.points += span.len() as u64;
-                self.ready.push_back(Outgoing { span, segmented });
+                let windows = std::mem::take(&mut self.untold);
+                self.ready.push_back(Outgoing { span, segmented, windows });
             }
         }
         self.progress.live_segments = self.weaver.live_segments();

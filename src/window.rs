@@ -165,6 +165,12 @@ impl Slider {
         (self.fresh > 0).then(|| self.advance())
     }
 
+    /// Forgets the spans of a window that will never come.
+    pub fn clear(&mut self) {
+        self.held.clear();
+        self.fresh = 0;
+    }
+
     fn advance(&mut self) -> Window {
         let window = Window::new(self.index, self.held.iter().cloned().collect(), self.lattice);
         self.held.drain(..self.size.advance().min(self.held.len()));

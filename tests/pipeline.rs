@@ -78,7 +78,7 @@ fn all_of(pipeline: &mut Pipeline) -> (Vec<i64>, Vec<Error>) {
     let (mut points, mut failures) = (Vec::new(), Vec::new());
     for out in pipeline.by_ref() {
         match out {
-            Ok(Outgoing { span, segmented }) => {
+            Ok(Outgoing { span, segmented, .. }) => {
                 assert!(failures.is_empty(), "failures come last");
                 assert_eq!((segmented.index, segmented.raw_ids.len()), (span.index, span.len()));
                 points.extend(point_ids(&span));
@@ -295,10 +295,12 @@ fn spans_without_points_and_without_labels_pass_through() {
         .map(|points| Ok(Chunk { points: vec![[f64::from(points), 0.0, 0.0]; points as usize], attributes: vec![] }));
     let none = Says(1, |window: &Window| Ok(Labels::from_any(&vec![NONE; window.points().len()])));
     let mut pipeline = streaming(chunks.into_iter(), none, WindowSize::default(), 1);
-    let (points, failures) = all_of(&mut pipeline);
-    assert_eq!(points, first(3));
-    assert!(failures.is_empty());
-    assert_eq!(pipeline.take_woven().iter().map(|window| window.spans).collect::<Vec<_>>(), [3, 3, 3, 2]);
+    let (mut points, mut windows) = (0, Vec::new());
+    for out in pipeline.by_ref().map(Result::unwrap) {
+        points += out.span.len();
+        windows.extend(out.windows.iter().map(|window| window.spans));
+    }
+    assert_eq!((points, windows), (3, vec![3, 3, 3, 2]));
 }
 
 #[test]
@@ -308,6 +310,55 @@ fn an_empty_source_ends_at_once() {
         let crew = Crew::new(2).unwrap();
         let mut pipeline = Pipeline::new(spans, Lattice::REAL, Arc::new(steps_joined()), WindowSize::default(), crew);
         assert!(pipeline.next().is_none() && pipeline.next().is_none());
-        assert!(pipeline.take_woven().is_empty());
     }
+}
+
+/// What a source delivered comes out, also when it is stopped in the middle of a span or of a chunk.
+#[test]
+fn a_stopped_stream_loses_nothing_that_had_come() {
+    for by in [SpanBy::Count { points: 25 }, SpanBy::Width { width: 7.0, direction: Direction::X }] {
+        let delivered = Arc::new(AtomicUsize::new(0));
+        let counter = Arc::clone(&delivered);
+        let chunks = (0..).map(move |chunk| {
+            counter.fetch_add(10, Ordering::Relaxed);
+            let points = (0..10).map(|i| [f64::from(chunk * 10 + i), 0.0, 0.0]).collect();
+            Ok(Chunk { points, attributes: vec![] })
+        });
+        let spans = spans_of(chunks, by, &Lattice::REAL, Source::Live).unwrap();
+        let crew = Crew::new(1).unwrap();
+        let mut pipeline = Pipeline::new(spans, Lattice::REAL, Arc::new(steps_joined()), WindowSize::default(), crew);
+        let mut points = pipeline.next().unwrap().unwrap().span.len();
+        pipeline.stop();
+        points += pipeline.map(|out| out.unwrap().span.len()).sum::<usize>();
+        assert_eq!(points, delivered.load(Ordering::Relaxed));
+    }
+}
+
+/// A segmentor that keeps state is asked for one window after the other, whatever the number of threads.
+#[test]
+fn a_segmentor_that_is_not_concurrent_is_called_one_at_a_time() {
+    struct Stateful(AtomicUsize, AtomicUsize);
+    impl Segmentor for Stateful {
+        fn name(&self) -> &str {
+            "stateful"
+        }
+        fn exactness(&self) -> Exactness {
+            Exactness::Measured
+        }
+        fn is_concurrent(&self) -> bool {
+            false
+        }
+        fn segment(&self, window: &Window) -> Result<Labels> {
+            assert_eq!(self.0.fetch_add(1, Ordering::SeqCst), 0, "two windows at the same time");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            assert_eq!(self.1.fetch_add(1, Ordering::SeqCst), window.index() as usize, "out of order");
+            self.0.fetch_sub(1, Ordering::SeqCst);
+            Ok(Labels::from_any(&vec![0; window.points().len()]))
+        }
+    }
+    let chunks = (0..40).map(|i| Ok(Chunk { points: vec![[f64::from(i), 0.0, 0.0]; 3], attributes: vec![] }));
+    let spans = spans_of(chunks, SpanBy::Given, &Lattice::REAL, Source::Live).unwrap();
+    let segmentor = Arc::new(Stateful(AtomicUsize::new(0), AtomicUsize::new(0)));
+    let pipeline = Pipeline::new(spans, Lattice::REAL, segmentor, WindowSize::default(), Crew::new(4).unwrap());
+    assert_eq!(pipeline.map(|out| out.unwrap().span.len()).sum::<usize>(), 120);
 }

@@ -189,7 +189,7 @@ def test_a_cloud_in_degrees_gets_finer_steps(tmp_path: Path) -> None:
 
 def test_coordinates_that_are_no_numbers_are_refused_for_las(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([[0.0, 0, np.nan]]))
-    with pytest.raises(InvalidInput, match="not finite numbers"):
+    with pytest.raises(InvalidInput, match="no point with finite coordinates"):
         write_labelled(open_cloud(tmp_path / "a.npy"), tmp_path / "b.las", Labels())
 
 

@@ -17,11 +17,12 @@ from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWid
 from .errors import InvalidParameter, StreamsegError, StreamsegWarning
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .preview import check_preview
 from .preview import preview as draw_preview
 from .progress import ProgressBars
 from .stream import SpanBy
 
-# Exit status: 0 done, 1 internal error, 2 wrong usage or input.
+# Exit status: 0 done, 1 internal error, 2 wrong usage or input; 130 after Ctrl-C, as shells have it.
 _INTERNAL = 1
 _WRONG = 2
 _INTERRUPTED = 130
@@ -81,7 +82,7 @@ def segment(
     span_time: Annotated[float | None, typer.Option(help="Spans of so many seconds of gps_time.")] = None,
     span_lines: Annotated[int | None, typer.Option(help="Spans of so many scan lines.")] = None,
     spans: Annotated[int, typer.Option(help="Spans in a window.")] = Window().spans,
-    overlap: Annotated[int, typer.Option(help="Spans that two windows share.")] = Window().overlap,
+    overlap: Annotated[int | None, typer.Option(help="Spans that two windows share. [default: 1]")] = None,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
     threads: Annotated[int | None, typer.Option(help="Windows at a time. [default: all cores]")] = None,
@@ -92,6 +93,12 @@ def segment(
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
     segmentor = Proximity(distance, graph.value, metric.value)
+    if preview is not None:
+        check_preview(preview, overwrite)
+        if output.suffix.lower() == ".npy":
+            raise InvalidParameter(
+                f"--preview needs coordinates beside the ids, {output} has none; write LAS, LAZ or text"
+            )
     with _telling_what_is_left(output), ProgressBars(enabled=not quiet) as bars:
         outcome = segment_file(
             inputs,
@@ -112,7 +119,7 @@ def segment(
     if not quiet:
         _summarize(outcome, output, history, result)
     if preview is not None:
-        draw_preview(output, preview)
+        draw_preview(output, preview, overwrite=overwrite)
         _say(f"picture in {preview}", quiet)
     if outcome.damage is not None:
         raise typer.Exit(_WRONG)
@@ -149,6 +156,8 @@ def _spans(
 ) -> SpanBy | None:
     given = {"--span-width": width, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
     chosen = [name for name, value in given.items() if value is not None]
+    if direction != "x" and chosen not in ([], ["--span-width"]):
+        raise InvalidParameter(f"--direction is given with {chosen[0]}, allowed: with --span-width")
     if len(chosen) > 1:
         raise InvalidParameter(f"{' and '.join(chosen)} are given, allowed: one of {', '.join(given)}")
     if count is not None:
@@ -217,9 +226,7 @@ def preview(
     overwrite: Overwrite = False,
 ) -> None:
     """Draw LABELLED from above, neighboring segments in different colors."""
-    if output.exists() and not overwrite:
-        raise StreamsegError(f"{output} exists; give another name, or replace it with --overwrite")
-    drawn = draw_preview(labelled, output, shade=shade.value, size=size)
+    drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite)
     typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
 
 

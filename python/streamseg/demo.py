@@ -37,7 +37,7 @@ def run(folder: Path, points: int, seed: int) -> Iterator[str]:
             on_progress=bars.on_progress,
             on_write=bars.on_write,
         )
-    preview(labelled, picture, shade="height")
+    preview(labelled, picture, shade="height", overwrite=True)
     yield f"{outcome.points:,} points in {outcome.segments:,} segments, {outcome.windows} windows"
     yield f"  the scene, as flown     {scene}"
     yield f"  with segment ids        {labelled}"

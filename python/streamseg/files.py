@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ._core import Window
 from .errors import InvalidInput
 from .history import History
-from .io import LabelSpool, check_output, open_cloud, write_labelled
+from .io import LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .source import PathLike, counted, open_source
 from .stream import Progress, Result, SpanBy, Stream, stream
 
@@ -94,6 +94,7 @@ def segment_file(
     output = Path(output)
     check_output(output, paths, overwrite)
     cloud = open_cloud(paths)
+    check_kind(cloud, output)
     if on_open is not None:
         on_open(cloud.point_count)
     interrupt = _Interrupt()

@@ -34,6 +34,9 @@ _COLUMNS = {
     "alias": ("segment_id", "becomes", "span"),
 }
 
+# Counts beyond this are damage.
+_MOST = 2**53
+
 # Rows of the point-segment table in a part. A run that is killed loses the part under way, no more.
 _ROWS_PER_PART = 1_000_000
 
@@ -73,24 +76,24 @@ class HistoryWriter:
         }
         self._write_manifest(self._manifest)
 
-    def write(self, span: CoreSpan, windows: NDArray[np.int64], *, with_aliases: bool) -> None:
-        """Take in a span that went out of scope, and the windows woven since the last. A span is taken in once."""
-        self._waiting["window"].append(windows)
+    def write(self, span: CoreSpan, *, with_aliases: bool) -> None:
+        """Take in a span that went out of scope. A span is taken in once, however often it is given."""
         if span.index >= self._next_span:
             spans = np.full(len(span.point_ids), span.index, np.int64)
             self._waiting["point_segment"].append(np.column_stack([span.point_ids, span.raw_ids, spans]))
             self._waiting["segment_segment"].append(span.segments)
+            self._waiting["window"].append(span.windows)
             if with_aliases:
                 told = np.full(len(span.aliases), span.index, np.int64)
                 self._waiting["alias"].append(np.column_stack([span.aliases, told]))
-            self._waiting_rows += len(spans) + len(span.segments)
+            # A span without points is a row of its own: there may be any number of them.
+            self._waiting_rows += 1 + len(spans) + len(span.segments)
             self._next_span = span.index + 1
         if self._waiting_rows >= _ROWS_PER_PART:
             self._write_part(complete=False)
 
-    def close(self, windows: NDArray[np.int64], *, complete: bool) -> None:
+    def close(self, *, complete: bool) -> None:
         """Write what waits and the manifest."""
-        self._waiting["window"].append(windows)
         self._write_part(complete=complete)
 
     def _write_part(self, *, complete: bool) -> None:
@@ -210,7 +213,7 @@ class History:
         if version != FORMAT_VERSION:
             raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
         for count in ("points", "spans", "windows", "segment_ids", "parts"):
-            if not isinstance(manifest.get(count), int) or manifest[count] < 0:
+            if not isinstance(manifest.get(count), int) or not 0 <= manifest[count] < _MOST:
                 raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
         self.manifest: dict[str, Any] = manifest
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from .errors import FileError, InvalidParameter, MissingExtra
+from .errors import FileError, InvalidParameter, MissingExtra, OutputExists
 from .io import open_cloud
 from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
 
@@ -61,12 +61,23 @@ class Preview(NamedTuple):
     colors: dict[int, Color]
 
 
+def check_preview(out_png: Path | str, overwrite: bool) -> None:
+    """Refuse a picture that cannot or must not be drawn, before any work is done."""
+    _pillow()
+    out_png = Path(out_png)
+    if out_png.exists() and not overwrite:
+        raise OutputExists(f"{out_png} exists; give another name, or overwrite=True (--overwrite)")
+    if not out_png.parent.is_dir():
+        raise FileError(f"cannot write {out_png}: the folder {out_png.parent} does not exist")
+
+
 def preview(
     labelled: Path | str,
     out_png: Path | str,
     *,
     shade: Literal["segment", "height"] | None = "segment",
     size: int = 1600,
+    overwrite: bool = False,
 ) -> Preview:
     """Draw a labelled file from above as PNG, in bounded memory.
 
@@ -83,6 +94,8 @@ def preview(
         by height. None: plain segment colors.
     size : int
         Longest side of the drawing in pixels, at least 200; title and legend come on top.
+    overwrite : bool
+        Whether `out_png` may replace a file that is there.
 
     Raises
     ------
@@ -90,6 +103,8 @@ def preview(
         The file has no segment ids.
     InvalidParameter
         `size` or `shade` is not among the allowed values.
+    OutputExists
+        `out_png` is there and `overwrite` is False.
     MissingExtra
         Pillow is not installed.
     """
@@ -97,7 +112,7 @@ def preview(
         raise InvalidParameter(f"size is {size}, must be {_SMALLEST_SIZE} or more pixels")
     if shade not in ("segment", "height", None):
         raise InvalidParameter(f"shade is {shade!r}, must be 'segment', 'height' or None")
-    _pillow()  # a missing Pillow should be known before the work
+    check_preview(out_png, overwrite)
     labelled, out_png = Path(labelled), Path(out_png)
     found = survey(labelled)
     raster = fill_gaps(rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1))

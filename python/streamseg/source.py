@@ -53,7 +53,7 @@ def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] |
         return _of_cloud(open_cloud(source), spans)
     if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
         return _of_cloud(open_cloud(source), spans)
-    if isinstance(source, np.ndarray) or _is_nested_list(source):
+    if hasattr(source, "__array__") or _is_nested_list(source):
         return _of_array(_as_array(source), spans, attributes or {})
     if isinstance(source, Iterable) and not isinstance(source, bytes):
         return _of_iterable(source, spans)
@@ -64,7 +64,10 @@ def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] |
 
 def _is_nested_list(source: Any) -> bool:
     """Whether it is a plain list of points, as people type it in, and not a list of arrays."""
-    return isinstance(source, list) and not any(isinstance(item, (np.ndarray, tuple)) for item in source)
+    if not isinstance(source, list):
+        return False
+    first = source[0] if source else ()
+    return isinstance(first, (list, tuple)) and all(isinstance(value, (int, float)) for value in first)
 
 
 def _as_array(source: Any) -> NDArray[Any]:

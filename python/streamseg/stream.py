@@ -223,7 +223,7 @@ class Stream:
 
     def _write(self, history: HistoryWriter, span: CoreSpan) -> None:
         try:
-            history.write(span, self._core.take_windows(), with_aliases=self._result == "carry")
+            history.write(span, with_aliases=self._result == "carry")
         except StreamsegError:
             # Without a history the spans can still come out.
             self._history = None
@@ -231,7 +231,7 @@ class Stream:
 
     def _end(self, *, complete: bool) -> None:
         if self._history is not None:
-            self._history.close(self._core.take_windows(), complete=complete)
+            self._history.close(complete=complete)
             self._history = None
         self._ended = True
 

@@ -1,7 +1,9 @@
 //! Core errors as Python exceptions: each derives from `StreamsegError` and from the builtin people expect.
 
-use pyo3::PyErr;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use pyo3::import_exception;
+use pyo3::{PyErr, PyResult, Python};
 
 use crate::error::Error;
 
@@ -37,4 +39,11 @@ impl From<PyErr> for Error {
     fn from(exception: PyErr) -> Self {
         Error::Foreign(Box::new(exception))
     }
+}
+
+/// Calls the core without the interpreter; a panic, which would be a defect of ours, becomes an exception like any other.
+pub(super) fn guarded<T: Send>(py: Python<'_>, call: impl FnOnce() -> PyResult<T> + Send) -> PyResult<T> {
+    py.detach(|| catch_unwind(AssertUnwindSafe(call))).unwrap_or_else(|_| {
+        Err(StreamsegError::new_err("the core came to a stop by a defect of its own; please report it"))
+    })
 }

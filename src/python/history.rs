@@ -5,8 +5,8 @@ use std::sync::Mutex;
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
+use super::errors::guarded;
 use super::stream::PySettlement;
-use crate::error::Error;
 use crate::weaver::Replay;
 
 /// Replays the parts of a history, in order, into a settlement.
@@ -32,19 +32,19 @@ impl PyReplay {
         let (segments, next) = (segment_ids.as_array(), next_segment_ids.as_array());
         let rows: Vec<[i64; 2]> = segments.iter().zip(next).map(|(&id, &next)| [id, next]).collect();
         let mut ids: Vec<i64> = raw_ids.as_array().iter().copied().collect();
-        let position = py.detach(|| self.lock().part(&rows, &mut ids))?;
+        let position = guarded(py, || Ok(self.lock().part(&rows, &mut ids)?))?;
         Ok((ids.into_pyarray(py), position))
     }
 
     /// Makes the ids of a settlement final.
     fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
-        Ok(py.detach(|| -> Result<(), Error> { settlement.lock().settle(self.lock().aliases()) })?)
+        guarded(py, || Ok(settlement.lock().settle(self.lock().aliases())?))
     }
 }
 
 impl PyReplay {
     fn lock(&self) -> std::sync::MutexGuard<'_, Replay> {
-        // A poisoned lock means a panic in the core, which has been reported; what it guards is still consistent.
+        // Poisoned by a panic that has been told already: the replay is of no use, but nothing is unsound.
         self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }

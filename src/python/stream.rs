@@ -6,13 +6,13 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
-use super::errors::StreamInUse;
+use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::segmentors::segmentor;
 use super::spans::{PyWindowSize, span_by};
 use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
-use crate::pipeline::{Outgoing, Pipeline, Progress};
+use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
 use crate::settlement::{Settled, Settlement};
 use crate::span::{Invalid, Source, Span, checked, spans_of};
 
@@ -93,7 +93,7 @@ impl PyPipeline {
         if let Some(span) = self.given().as_ref() {
             return Ok(Some(span.clone_ref(py)));
         }
-        let Some(outgoing) = py.detach(|| -> PyResult<_> { Ok(self.lock()?.next().transpose()?) })? else {
+        let Some(outgoing) = guarded(py, || Ok(self.lock()?.next().transpose()?))? else {
             return Ok(None);
         };
         let span = Py::new(py, PySpan::new(py, outgoing, self.lattice)?)?;
@@ -120,25 +120,13 @@ impl PyPipeline {
     /// Turns raw or carried ids, (n,) int64, into final ids; after the end.
     fn resolve<'py>(&self, py: Python<'py>, ids: PyReadonlyArray1<'py, i64>) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let mut ids: Vec<i64> = ids.as_array().iter().copied().collect();
-        py.detach(|| -> PyResult<()> { Ok(self.lock()?.aliases().resolve(&mut ids)?) })?;
+        guarded(py, || Ok(self.lock()?.aliases().resolve(&mut ids)?))?;
         Ok(ids.into_pyarray(py))
     }
 
     /// Makes the ids of a settlement final; after the end.
     fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
-        py.detach(|| -> PyResult<()> { Ok(settlement.lock().settle(self.lock()?.aliases())?) })
-    }
-
-    /// Windows woven since this was last asked, (n, 6) int64: window, first span, spans, points, first segment id,
-    /// segments.
-    fn take_windows<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i64>>> {
-        let windows = py.detach(|| self.lock().map(|mut pipeline| pipeline.take_woven()))?;
-        let windows = windows.iter().map(|w| {
-            let [index, first_span] = [w.index, w.first_span].map(|n| n as i64);
-            let [spans, points, segments] = [w.spans, w.points, w.segments].map(|n| n as i64);
-            [index, first_span, spans, points, w.first_segment_id, segments]
-        });
-        rows(py, windows.collect())
+        guarded(py, || Ok(settlement.lock().settle(self.lock()?.aliases())?))
     }
 
     /// How far the run is: the fields of `streamseg.Progress`.
@@ -162,8 +150,9 @@ impl PyPipeline {
     fn lock(&self) -> PyResult<MutexGuard<'_, Pipeline>> {
         match self.pipeline.try_lock() {
             Ok(pipeline) => Ok(pipeline),
-            // A panic in the core has been reported already; what the lock guards is still consistent.
-            Err(TryLockError::Poisoned(poisoned)) => Ok(poisoned.into_inner()),
+            Err(TryLockError::Poisoned(_)) => {
+                Err(StreamsegError::new_err("the stream has come to a stop by a defect; nothing more comes out"))
+            }
             Err(TryLockError::WouldBlock) => Err(StreamInUse::new_err(
                 "the stream is at work already, in another thread or in its own source; take spans from one place",
             )),
@@ -220,11 +209,20 @@ pub struct PySpan {
     /// The segments that went with the span, (m, 4) int64: segment, next segment, window, shared points.
     #[pyo3(get)]
     segments: Py<PyArray2<i64>>,
+    /// The windows woven since the last span, (m, 6) int64: window, first span, spans, points, first segment id, segments.
+    #[pyo3(get)]
+    windows: Py<PyArray2<i64>>,
     settles_at: u64,
 }
 
+fn window_row(woven: &WovenWindow) -> [i64; 6] {
+    let [index, first_span] = [woven.index, woven.first_span].map(|n| n as i64);
+    let [spans, points, segments] = [woven.spans, woven.points, woven.segments].map(|n| n as i64);
+    [index, first_span, spans, points, woven.first_segment_id, segments]
+}
+
 impl PySpan {
-    fn new(py: Python<'_>, Outgoing { span, segmented }: Outgoing, lattice: Lattice) -> PyResult<Self> {
+    fn new(py: Python<'_>, Outgoing { span, segmented, windows }: Outgoing, lattice: Lattice) -> PyResult<Self> {
         let point_ids: Vec<i64> = (0..span.len()).map(|position| span.point_id(position)).collect();
         let segments = segmented.segments.iter();
         let segments = segments.map(|s| [s.segment_id, s.next_segment_id, s.window, s.shared_points as i64]).collect();
@@ -238,6 +236,7 @@ impl PySpan {
             carried_ids: segmented.carried_ids.into_pyarray(py).unbind(),
             aliases: rows(py, segmented.aliases)?.unbind(),
             segments: rows(py, segments)?.unbind(),
+            windows: rows(py, windows.iter().map(window_row).collect())?.unbind(),
             settles_at: segmented.settles_at,
         })
     }
@@ -309,7 +308,7 @@ impl PySettlement {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<PySettled>> {
-        match py.detach(|| self.lock().next().transpose())? {
+        match guarded(py, || Ok(self.lock().next().transpose()?))? {
             Some(settled) => PySettled::new(py, settled, &self.lattice).map(Some),
             None => Ok(None),
         }

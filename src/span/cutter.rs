@@ -1,12 +1,13 @@
 //! Cuts a stream into spans in the order in which its points come.
 
-use super::{Chunk, Extent, PointIds, SlabIndex, Span, SpanBy};
+use super::{Chunk, Extent, PointIds, SlabIndex, Span, SpanBy, SpanSource};
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
 
 /// Cuts chunks into spans by count, time, scan line, slab of a sorted source, or as given.
 pub struct Cutter<C> {
-    chunks: C,
+    /// The source until it is stopped.
+    chunks: Option<C>,
     rule: Rule,
     lattice: Lattice,
     chunk: Chunk,
@@ -24,7 +25,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Cutter<C> {
     /// Cuts `chunks` according to `by`, which has to be valid.
     pub fn new(chunks: C, by: SpanBy, lattice: &Lattice) -> Self {
         Self {
-            chunks,
+            chunks: Some(chunks),
             rule: Rule::new(by, lattice),
             lattice: *lattice,
             chunk: Chunk::default(),
@@ -81,7 +82,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Cutter<C> {
                     break;
                 }
             }
-            match self.chunks.next() {
+            match self.chunks.as_mut().and_then(Iterator::next) {
                 Some(Ok(chunk)) => {
                     (self.chunk, self.taken) = (chunk, 0);
                     if matches!(self.rule, Rule::Given) {
@@ -94,6 +95,12 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Cutter<C> {
             }
         }
         if self.open.is_empty() { self.failure.take().map(Err) } else { Some(Ok(self.close_span())) }
+    }
+}
+
+impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Cutter<C> {
+    fn stop(&mut self) {
+        self.chunks = None;
     }
 }
 
@@ -174,7 +181,7 @@ impl Rule {
             }
             Rule::Width { slab, current, .. } => {
                 // A point with no valid position stays with the points it came with.
-                let Some(to) = slab.of(&chunk.points[position]) else { return Ok(false) };
+                let Some(to) = slab.of(&chunk.points[position])? else { return Ok(false) };
                 match *current {
                     Some(from) if to < from => Err(Error::NotSorted { point_id, from, to }),
                     Some(from) if to > from => {

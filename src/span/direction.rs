@@ -1,7 +1,7 @@
 //! Slabs along a direction, numbered from absolute zero.
 
 use crate::error::{Error, Result};
-use crate::lattice::Lattice;
+use crate::lattice::{Lattice, is_valid};
 
 /// The direction along which slabs follow each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,13 +50,18 @@ pub(crate) struct SlabIndex {
     whole: bool,
 }
 
+/// Slab numbers beyond this would not be exact.
+const MOST_SLABS: f64 = 9e15;
+
 /// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
 const MEANT_WHOLE: f64 = 1e-9;
 
 fn whole_steps(length: f64, step: f64) -> Option<f64> {
     let steps = length / step;
     let whole = steps.round();
-    ((steps - whole).abs() <= MEANT_WHOLE * whole.abs().max(1.0)).then_some(whole)
+    // Half a unit in the last place of a large quotient is not a fraction that was meant.
+    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
+    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
 }
 
 impl SlabIndex {
@@ -91,10 +96,23 @@ impl SlabIndex {
 
     /// The slab of a point; of an invalid point, none.
     #[inline]
-    pub(crate) fn of(&self, point: &[f64; 3]) -> Option<i64> {
+    pub(crate) fn of(&self, point: &[f64; 3]) -> Result<Option<i64>> {
         let way = point[0] * self.weights[0] + point[1] * self.weights[1] - self.zero;
         let slab = (way / self.width).floor();
-        (slab.abs() < 9e15).then_some(slab as i64)
+        if slab.abs() < MOST_SLABS {
+            return Ok(Some(slab as i64));
+        }
+        if is_valid(point) { Err(self.too_narrow(slab)) } else { Ok(None) }
+    }
+
+    #[cold]
+    fn too_narrow(&self, slab: f64) -> Error {
+        let width = if self.whole { format!("{} lattice steps", self.width) } else { self.width.to_string() };
+        Error::InvalidParameter {
+            name: "width",
+            given: format!("{width}, which puts a point {slab:e} slabs from zero"),
+            allowed: "a width that leaves fewer than 9e15",
+        }
     }
 
     /// The extent of the slabs from `first` up to, but without, `end`; no bound where there is none.
@@ -128,23 +146,23 @@ mod tests {
         assert!(slab.is_exact());
         for x in -100i64..100 {
             // 500 000 m are 50 000 000 steps.
-            assert_eq!(slab.of(&[x as f64, 0.0, 0.0]), Some((50_000_000 + x).div_euclid(30)));
+            assert_eq!(slab.of(&[x as f64, 0.0, 0.0]).unwrap(), Some((50_000_000 + x).div_euclid(30)));
         }
     }
 
     #[test]
     fn azimuths_run_clockwise_from_the_y_axis() {
         let slab = |degrees| SlabIndex::new(10.0, Direction::Azimuth(degrees), &Lattice::REAL);
-        assert_eq!(slab(90.0).of(&[25.0, -70.0, 0.0]), Some(2));
-        assert_eq!(slab(0.0).of(&[25.0, -75.0, 0.0]), Some(-8));
-        assert_eq!(slab(45.0).of(&[10.0, 10.0, 0.0]), Some(1));
+        assert_eq!(slab(90.0).of(&[25.0, -70.0, 0.0]).unwrap(), Some(2));
+        assert_eq!(slab(0.0).of(&[25.0, -75.0, 0.0]).unwrap(), Some(-8));
+        assert_eq!(slab(45.0).of(&[10.0, 10.0, 0.0]).unwrap(), Some(1));
     }
 
     #[test]
     fn an_invalid_point_lies_in_no_slab() {
         let slab = SlabIndex::new(1.0, Direction::X, &Lattice::REAL);
-        assert_eq!(slab.of(&[f64::NAN, 0.0, 0.0]), None);
-        assert_eq!(slab.of(&[f64::INFINITY, 0.0, 0.0]), None);
-        assert_eq!(slab.of(&[1e60, 0.0, 0.0]), None);
+        assert_eq!(slab.of(&[f64::NAN, 0.0, 0.0]).unwrap(), None);
+        assert_eq!(slab.of(&[f64::INFINITY, 0.0, 0.0]).unwrap(), None);
+        assert!(slab.of(&[1e60, 0.0, 0.0]).unwrap_err().to_string().starts_with("width is 1, which puts a point 1e60"));
     }
 }

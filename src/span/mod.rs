@@ -131,8 +131,14 @@ pub enum Source {
     Live,
 }
 
+/// A source of spans that can be stopped.
+pub trait SpanSource: Iterator<Item = Result<Span>> + Send {
+    /// Asks the source for nothing more. Points of a stream that have come already are still cut into spans.
+    fn stop(&mut self);
+}
+
 /// A stream of spans.
-pub type Spans = Box<dyn Iterator<Item = Result<Span>> + Send>;
+pub type Spans = Box<dyn SpanSource>;
 
 /// Cuts the chunks of a source into spans.
 ///

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 
-use super::{Chunk, PointIds, SlabIndex, Span};
+use super::{Chunk, PointIds, SlabIndex, Span, SpanSource};
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
 
@@ -40,7 +40,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
         for chunk in chunks {
             for point in chunk?.points {
                 // A point with no valid position stays with the points it came with.
-                at = self.slab_of.of(&point).unwrap_or(at);
+                at = self.slab_of.of(&point)?.unwrap_or(at);
                 let slab = self.waiting.entry(at).or_default();
                 slab.point_ids.push(point_id);
                 slab.points.push(point);
@@ -78,16 +78,23 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
     }
 }
 
+impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Slabs<C> {
+    fn stop(&mut self) {
+        self.chunks = None;
+        self.waiting.clear();
+    }
+}
+
 /// The points of one slab: those already on disk, and those that wait in memory.
 #[derive(Default)]
 struct Slab {
-    written: Vec<Extent>,
+    written: Vec<Stretch>,
     point_ids: Vec<i64>,
     points: Vec<[f64; 3]>,
 }
 
 /// Where some points of a slab lie in the file: their ids, then their coordinates.
-struct Extent {
+struct Stretch {
     start: u64,
     points: usize,
 }
@@ -110,7 +117,7 @@ impl Spool {
             let points = std::mem::take(&mut slab.points);
             writer.write_all(bytemuck::cast_slice(&std::mem::take(&mut slab.point_ids)))?;
             writer.write_all(bytemuck::cast_slice(&points))?;
-            slab.written.push(Extent { start: end, points: points.len() });
+            slab.written.push(Stretch { start: end, points: points.len() });
             end += (points.len() * BYTES_PER_POINT) as u64;
         }
         self.bytes = 0;
@@ -119,13 +126,13 @@ impl Spool {
 
     fn read(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Vec<[f64; 3]>)> {
         let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.points)) };
-        let written: usize = slab.written.iter().map(|extent| extent.points).sum();
+        let written: usize = slab.written.iter().map(|stretch| stretch.points).sum();
         let mut point_ids = vec![0i64; written];
         let mut points = vec![[0.0f64; 3]; written];
         let mut at = 0;
-        for extent in &slab.written {
-            let end = at + extent.points;
-            file.seek(SeekFrom::Start(extent.start))?;
+        for stretch in &slab.written {
+            let end = at + stretch.points;
+            file.seek(SeekFrom::Start(stretch.start))?;
             file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[at..end]))?;
             file.read_exact(bytemuck::cast_slice_mut(&mut points[at..end]))?;
             at = end;
@@ -172,7 +179,7 @@ mod tests {
                 for (&id, point) in ids.iter().zip(&span.points) {
                     prop_assert!(!std::mem::replace(&mut seen[id as usize], true));
                     prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
-                    if let Some(at) = slab_of.of(point) {
+                    if let Some(at) = slab_of.of(point).unwrap() {
                         prop_assert!(extent.low <= point[0] && point[0] < extent.high);
                         prop_assert_eq!(*slab.get_or_insert(at), at);
                     }

@@ -1,7 +1,7 @@
 //! Carries segment ids over from window to window, on the fly.
 //!
 //! Segments that share points are one; the id of the whole is the smallest of theirs, so it is the one that is carried
-//! (seed 1, section 2.2.3). Two wholes whose ids have both been handed out already can meet later, at the bottom of a
+//! (moving-window segmentation, ISPRS Annals I-3, 2012, section 2.2.3). Two wholes whose ids have both been handed out already can meet later, at the bottom of a
 //! "U"; their join then comes with an *alias*, larger id → smaller id, so that none is lost.
 //!
 //! Only segments in scope are held: union-find over the consecutive ids from the oldest segment in scope to the newest.

@@ -144,7 +144,7 @@ impl Weaver {
     fn take_in(&mut self, window: &LabelledWindow<'_>) -> u64 {
         let known = self.spans.back().map_or(0, |span| span.index + 1);
         for (index, &points) in (window.first_span..).zip(window.span_points) {
-            if index >= known || self.spans.is_empty() {
+            if index >= known {
                 let first_arrival = self.points.extend(points);
                 self.spans.push_back(LiveSpan { index, first_arrival, points });
             }

@@ -19,8 +19,9 @@
 //! Any number of threads may look up and insert at once. A word is written at most once per lap, by one compare-exchange:
 //! of two writers for one point one wins and the other is told the winner's id. A word carries all there is to know, no
 //! other memory is published through it, so all word accesses are `Relaxed`: the coherence of a single atomic is enough.
-//! `base` is stored `Release` and loaded `Acquire`; the pair lets a thread that has learnt of an eviction rely on what
-//! the evicting thread read before it. Model-checked in `tests/weaver_model.rs`.
+//! `base` is `Relaxed` too. It publishes nothing: whether a word belongs to an arrival is decided by its lap alone, and a
+//! reader that has not yet seen an eviction gets the evicted point's own id or none, never another's. Neither pairs with
+//! anything. Model-checked in `tests/weaver_model.rs`.
 
 use crate::label::SegmentId;
 use crate::sync::{AtomicU64, Ordering};
@@ -94,8 +95,8 @@ impl PointSegment {
     }
 
     fn base(&self) -> u64 {
-        // Acquire pairs with the Release in `evict_before`.
-        self.base.load(Ordering::Acquire)
+        // Relaxed: see "What writers and readers may see".
+        self.base.load(Ordering::Relaxed)
     }
 
     #[inline]
@@ -120,7 +121,6 @@ impl PointSegment {
     pub fn get(&self, arrival: u64) -> Option<SegmentId> {
         // Relaxed: see "What writers and readers may see".
         let word = self.word(arrival).load(Ordering::Relaxed);
-        // The word is read first: had the point been evicted before, its id would be stale but still its own.
         if arrival < self.base() { None } else { self.unpacked(arrival, word) }
     }
 
@@ -143,8 +143,8 @@ impl PointSegment {
 
     /// Lets all points before `arrival` go out of scope.
     pub fn evict_before(&self, arrival: u64) {
-        // Release pairs with the Acquire in `base`.
-        self.base.store(arrival, Ordering::Release);
+        // Relaxed: see "What writers and readers may see".
+        self.base.store(arrival, Ordering::Relaxed);
     }
 
     /// How many points in scope have a segment id, counted one by one.

@@ -10,6 +10,9 @@ use super::{Aliases, Carry};
 use crate::error::{Error, Result};
 use crate::label::{NONE, SegmentId};
 
+/// More new segments than this in one part, which has some million rows, are a damaged id.
+const MOST_BIRTHS: usize = 1 << 28;
+
 /// The state of a replay.
 #[derive(Default)]
 pub struct Replay {
@@ -64,6 +67,9 @@ impl Replay {
         let next = self.carry.next_id();
         if newest >= next {
             let count = (newest - next + 1) as usize;
+            if count > MOST_BIRTHS {
+                return Err(damaged(newest));
+            }
             self.aliases.mark_births(next);
             self.carry.extend(count);
             self.gone.extend(std::iter::repeat_n(false, count));
@@ -122,5 +128,6 @@ mod tests {
         assert!(replay.part(&[[1, 2]], &mut []).is_err());
         assert!(replay.part(&[], &mut [9]).unwrap_err().to_string().contains("segment 9"));
         assert!(Replay::new(3).part(&[[0, NONE]], &mut []).is_err());
+        assert!(Replay::new(i64::MAX).part(&[], &mut [i64::MAX / 2]).is_err());
     }
 }

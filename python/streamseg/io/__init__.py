@@ -15,7 +15,7 @@ from .cloud import Chunk, Cloud, Source
 from .labels import LabelSource, LabelSpool
 from .lattice import Lattice
 from .output import check_output
-from .sink import read_labels, write_labelled
+from .sink import check_kind, read_labels, write_labelled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +26,7 @@ __all__ = [
     "LabelSource",
     "LabelSpool",
     "Lattice",
+    "check_kind",
     "check_output",
     "open_cloud",
     "read_labels",

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from copy import deepcopy
 from math import floor
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 import numpy as np
 
-from ..errors import InvalidInput, StreamsegWarning
+from ..errors import InvalidInput, warn
 from .cloud import DEFAULT_CHUNK, Chunk, Cloud
 from .labels import SEGMENT_DIMENSION
 from .las import LasSource, laspy
@@ -104,6 +103,7 @@ class PointSink:
         self._cloud = cloud
         self._compressed = compressed
         self._lattice = fitting_lattice(cloud)
+        self._left_out = 0
         self._header = laspy.LasHeader(version="1.4", point_format=6)
         self._header.global_encoding.wkt = True  # required from point format 6 on
         self._header.generating_software = "streamseg"
@@ -120,7 +120,10 @@ class PointSink:
             yield len(chunk.points), chunk
 
     def append(self, block: Chunk, ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
-        """Write those points of the block that are `kept`."""
+        """Write those points of the block that are `kept` and that LAS can hold."""
+        valid = np.isfinite(block.points).all(axis=1)
+        self._left_out += int(np.count_nonzero(kept & ~valid))
+        kept = kept & valid
         coordinates, lattice = block.points[kept], self._lattice
         steps = np.rint((coordinates - np.asarray(lattice.offset)) / np.asarray(lattice.scale))
         points = laspy.PackedPointRecord.zeros(len(steps), self._writer.header.point_format)
@@ -133,6 +136,8 @@ class PointSink:
     def finish(self) -> None:
         """Write the final header."""
         self._writer.close()
+        if self._left_out:
+            warn(f"{self._left_out:,} points have no finite coordinates, which LAS cannot hold; they are left out")
 
 
 def fitting_lattice(cloud: Cloud) -> Lattice:
@@ -144,9 +149,11 @@ def fitting_lattice(cloud: Cloud) -> Lattice:
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for chunk in cloud.chunks(DEFAULT_CHUNK):
-        if not np.isfinite(chunk.points).all():
-            raise InvalidInput(f"{cloud.paths[0]} has coordinates that are not finite numbers, which LAS cannot hold")
-        low, high = np.minimum(low, chunk.points.min(axis=0)), np.maximum(high, chunk.points.max(axis=0))
+        points = chunk.points[np.isfinite(chunk.points).all(axis=1)]
+        if len(points):
+            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    if not np.isfinite(low).all():
+        raise InvalidInput(f"{cloud.paths[0]} has no point with finite coordinates, and LAS holds no other")
     offset = cast("Triple", tuple(float(floor(value)) for value in low))
     reach = float((high - np.asarray(offset)).max())
     extent = float((high - low).max())
@@ -156,11 +163,9 @@ def fitting_lattice(cloud: Cloud) -> Lattice:
     while reach > _INT32.max * 10.0**exponent:
         exponent += 1
     if exponent > -3:
-        warnings.warn(
+        warn(
             f"{cloud.paths[0].name} is {extent:,.0f} units wide: LAS can hold it in steps of {10.0**exponent:g}, "
-            "not in the usual 0.001; coordinates are rounded to these steps",
-            StreamsegWarning,
-            stacklevel=2,
+            "not in the usual 0.001; coordinates are rounded to these steps"
         )
     scale = float(f"1e{exponent}")
     return Lattice((scale, scale, scale), offset)

@@ -100,6 +100,19 @@ def write_labelled(
     return written
 
 
+def check_kind(cloud: Cloud, out: Path | str) -> None:
+    """Refuse inputs that cannot become one output of this kind, before any work is done.
+
+    Raises
+    ------
+    InvalidInput
+        LAS files whose point formats or sizes do not go together.
+    """
+    suffix = Path(out).suffix.lower()
+    if cloud.kind == "las" and suffix in (".las", ".laz"):
+        _sink(cloud, suffix)
+
+
 def read_labels(
     path: Path | str, chunk: int = DEFAULT_CHUNK
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
