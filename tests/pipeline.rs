@@ -339,7 +339,7 @@ fn a_stopped_stream_loses_nothing_that_had_come() {
 fn a_segmentor_that_is_not_concurrent_is_called_one_at_a_time() {
     struct Stateful(AtomicUsize, AtomicUsize);
     impl Segmentor for Stateful {
-        fn name(&self) -> &str {
+        fn name(&self) -> &'static str {
             "stateful"
         }
         fn exactness(&self) -> Exactness {
