@@ -147,16 +147,20 @@ def color_segments(ids: Ids, drawn: NDArray[np.bool_], sizes: dict[int, int]) ->
     shown, index = np.unique(np.where(drawn, ids, -1), return_inverse=True)
     index = index.reshape(ids.shape)
     neighbors = touching(index, shown)
-    used = np.zeros(len(PALETTE), np.int64)
-    chosen = np.full(len(shown), -1)
-    area = np.bincount(index.ravel(), minlength=len(shown))
-    for segment in sorted(range(len(shown)), key=lambda i: (-sizes.get(int(shown[i]), 0), int(shown[i]))):
+    area = np.bincount(index.ravel(), minlength=len(shown)).tolist()
+    used = [0] * len(PALETTE)
+    chosen = [-1] * len(shown)
+    by_size = sorted(range(len(shown)), key=lambda i: (-sizes.get(int(shown[i]), 0), int(shown[i])))
+    # Plain lists: there may be hundreds of thousands of segments, each with a handful of neighbors.
+    for segment in by_size:
         if shown[segment] < 0:
             continue
-        around = chosen[neighbors[segment]]
-        conflicts = np.bincount(around[around >= 0], minlength=len(PALETTE))
+        conflicts = [0] * len(PALETTE)
+        for neighbor in neighbors[segment].tolist():
+            if chosen[neighbor] >= 0:
+                conflicts[chosen[neighbor]] += 1
         # Among the colors without conflict the one seen least so far keeps the picture balanced.
-        chosen[segment] = np.lexsort((used, conflicts))[0]
+        chosen[segment] = min(range(len(PALETTE)), key=lambda color: (conflicts[color], used[color]))
         used[chosen[segment]] += area[segment]
     return {int(shown[i]): PALETTE[chosen[i]] for i in range(len(shown)) if shown[i] >= 0}
 
