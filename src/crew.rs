@@ -15,6 +15,9 @@ use crate::error::{Error, Result, at_least_one};
 /// How often a wait for a job looks up, so that an interrupt is answered at once.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
+/// More threads than this are a slip.
+const MOST_THREADS: usize = 1024;
+
 /// A number of threads that work together.
 pub struct Crew {
     pool: Option<ThreadPool>,
@@ -27,6 +30,9 @@ impl Crew {
     /// # Errors
     /// If there is none, or the system gives none.
     pub fn new(threads: usize) -> Result<Self> {
+        if threads > MOST_THREADS {
+            return Err(Error::parameter("threads", threads, "1 to 1024; more than there are cores brings nothing"));
+        }
         if at_least_one("threads", threads)? == 1 {
             return Ok(Self::of_one());
         }

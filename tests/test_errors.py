@@ -264,7 +264,7 @@ def test_times_that_are_not_numbers_do_not_make_an_endless_span() -> None:
     time[20::10] = np.nan
     run = ss.stream(POINTS, NEAR, spans=ss.SpanByTime(5.0), attributes={"gps_time": time})
     came = []
-    with pytest.raises(ss.InvalidInput, match="^gps_time of point 20 is NaN, expected a finite number"):
+    with pytest.raises(ss.InvalidInput, match=r"^gps_time of point 20 is NaN, expected a finite number"):
         came.extend(len(span) for span in run)
     assert sum(came) == 20
 

@@ -160,7 +160,7 @@ def test_real_clouds_give_a_picture(data: Path, tmp_path: Path, name: str) -> No
 
 def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
     path = checkerboard(tmp_path / "a.txt", 2)
-    with pytest.raises(InvalidParameter, match="size is 10, must be 200 or more"):
+    with pytest.raises(InvalidParameter, match="size is 10, must be 200 to 20000 pixels"):
         preview(path, tmp_path / "a.png", size=10)
     with pytest.raises(InvalidParameter, match="shade is 'sun', must be"):
         preview(path, tmp_path / "a.png", shade="sun")  # type: ignore[arg-type]

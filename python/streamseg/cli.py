@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import sys
 import warnings
 from collections.abc import Iterator
@@ -26,6 +27,9 @@ from .stream import SpanBy
 _INTERNAL = 1
 _WRONG = 2
 _INTERRUPTED = 130
+
+# Whole numbers beyond this are slips.
+_MOST = 1_000_000_000
 
 app = typer.Typer(
     name="streamseg",
@@ -78,23 +82,25 @@ def segment(
     metric: Annotated[Metric, typer.Option(help="Distance in space or on the map.")] = Metric.xyz,
     span_width: Annotated[float | None, typer.Option(help="Spans of this width. [default: 20 x distance]")] = None,
     direction: Annotated[str, typer.Option(help="x, y or an azimuth in degrees, for --span-width.")] = "x",
-    span_count: Annotated[int | None, typer.Option(help="Spans of so many points, in file order.")] = None,
+    span_count: Annotated[int | None, typer.Option(max=_MOST, help="Spans of so many points, in file order.")] = None,
     span_time: Annotated[float | None, typer.Option(help="Spans of so many seconds of gps_time.")] = None,
-    span_lines: Annotated[int | None, typer.Option(help="Spans of so many scan lines.")] = None,
-    spans: Annotated[int, typer.Option(help="Spans in a window.")] = Window().spans,
-    overlap: Annotated[int | None, typer.Option(help="Spans that two windows share. [default: 1]")] = None,
+    span_lines: Annotated[int | None, typer.Option(max=_MOST, help="Spans of so many scan lines.")] = None,
+    spans: Annotated[int, typer.Option(max=_MOST, help="Spans in a window.")] = Window().spans,
+    overlap: Annotated[int | None, typer.Option(max=_MOST, help="Spans that two windows share. [default: 1]")] = None,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
-    threads: Annotated[int | None, typer.Option(help="Windows at a time. [default: all cores]")] = None,
+    threads: Annotated[int | None, typer.Option(max=_MOST, help="Windows at a time. [default: all cores]")] = None,
     preview: Annotated[Path | None, typer.Option(help="Also draw the result, as PNG.")] = None,
-    drop_invalid: Annotated[bool, typer.Option("--drop-invalid", help="Leave NaN and infinite points out.")] = False,
+    drop_invalid: Annotated[
+        bool, typer.Option("--drop-invalid", help="Give NaN and infinite points no segment instead of refusing them.")
+    ] = False,
     overwrite: Overwrite = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
     segmentor = Proximity(distance, graph.value, metric.value)
     if preview is not None:
-        check_preview(preview, overwrite)
+        check_preview(preview, overwrite, [*inputs, output])
         if output.suffix.lower() == ".npy":
             raise InvalidParameter(
                 f"--preview needs coordinates beside the ids, {output} has none; write LAS, LAZ or text"
@@ -206,6 +212,8 @@ def resolve(
     with ProgressBars() as bars:
         points = resolve_file(history, inputs, output, overwrite=overwrite, on_write=bars.on_write)
     typer.echo(f"{output}: {points:,} points with final segment ids")
+    if not History(history).manifest["complete"]:
+        raise typer.Exit(_WRONG)
 
 
 @app.command()
@@ -281,8 +289,20 @@ def _warn(
         typer.echo(f"streamseg: warning: {message}", err=True)
 
 
+def _give_memory_back() -> None:
+    """Have the C library give large buffers back to the system when they are freed.
+
+    By default glibc takes up to 32 MiB of every freed buffer as a hint to keep such sizes, in every thread; what is kept
+    then depends on chance, and adds a third to the memory of a run.
+    """
+    mmap_threshold = -3  # glibc's M_MMAP_THRESHOLD
+    with contextlib.suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).mallopt(mmap_threshold, 1 << 20)
+
+
 def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
+    _give_memory_back()
     warnings.showwarning = _warn
     try:
         app()

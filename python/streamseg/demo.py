@@ -7,7 +7,7 @@ from pathlib import Path
 
 from . import scenes
 from ._core import Proximity, SpanByWidth
-from .errors import FileError
+from .errors import FileError, OutputExists
 from .files import segment_file
 from .preview import preview
 from .progress import ProgressBars
@@ -22,8 +22,12 @@ def run(folder: Path, points: int, seed: int) -> Iterator[str]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{folder} cannot be made: {error.strerror}") from error
-    scene = scenes.write(folder / "strip.laz", "airborne", points, seed)
     labelled, history, picture = folder / "labelled.laz", folder / "strip.history", folder / "labelled.png"
+    for path in (folder / "strip.laz", labelled, picture):
+        # What an earlier demonstration left may be replaced; the history is its mark.
+        if path.exists() and not history.exists():
+            raise OutputExists(f"{path} exists and is not of an earlier demonstration; give another folder")
+    scene = scenes.write(folder / "strip.laz", "airborne", points, seed)
     with ProgressBars() as bars:
         outcome = segment_file(
             scene,

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
-from .errors import InvalidInput
+from .errors import InvalidInput, warn
 from .history import History
-from .io import LabelSpool, check_kind, check_output, open_cloud, write_labelled
+from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .source import PathLike, counted, open_source
 from .stream import Progress, Result, SpanBy, Stream, stream
 
@@ -126,7 +126,7 @@ def segment_file(
                     aliases += _label(run, labels)
         interrupt.disarm()
         progress = run.progress
-        if failure is not None and progress.points == 0:
+        if failure is not None and not labels.has_any:
             raise failure
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
     if failure is not None:
@@ -232,12 +232,25 @@ def resolve_file(
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)
-    if cloud.point_count is not None and past.manifest["points"] > cloud.point_count:
-        raise InvalidInput(
-            f"{history} is the history of {past.manifest['points']:,} points, "
-            f"{', '.join(map(str, paths))} has {cloud.point_count:,}; give the input that the history was made from"
-        )
+    _check_origin(past, cloud)
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve():
             labels.add(point_ids, segment_ids)
         return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+
+
+def _check_origin(past: History, cloud: Cloud) -> None:
+    """Refuse or warn of a history that was made from something else."""
+    points, given = past.manifest["points"], ", ".join(map(str, cloud.paths))
+    if cloud.point_count is not None and points != cloud.point_count:
+        if past.manifest["complete"] or points > cloud.point_count:
+            raise InvalidInput(
+                f"{past.folder} is the history of {points:,} points, {given} has {cloud.point_count:,}; "
+                "give the input that the history was made from"
+            )
+        warn(f"{past.folder} ends early: {points:,} of {cloud.point_count:,} points are in it, the others are left out")
+    names = [Path(name).name for name in past.manifest["source"].split(", ")]
+    if names != [path.name for path in cloud.paths]:
+        warn(
+            f"{past.folder} is the history of {past.manifest['source']}, not of {given}; the ids fit only the same points"
+        )

@@ -7,6 +7,7 @@ shading the heights as if lit from the north-west.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -30,7 +31,7 @@ PALETTE: tuple[Color, ...] = (
     (160, 205, 255), (150, 225, 140), (255, 165, 150), (60, 60, 160),
 )  # fmt: skip
 
-_SMALLEST_SIZE = 200
+_SMALLEST_SIZE, _LARGEST_SIZE = 200, 20_000
 _LEGEND_ENTRIES = 12
 _LEGEND_WIDTH = 13  # times the size of the text
 _LINE = 1.6
@@ -61,14 +62,18 @@ class Preview(NamedTuple):
     colors: dict[int, Color]
 
 
-def check_preview(out_png: Path | str, overwrite: bool) -> None:
-    """Refuse a picture that cannot or must not be drawn, before any work is done."""
+def check_preview(out_png: Path | str, overwrite: bool, others: Sequence[Path | str] = ()) -> None:
+    """Refuse a picture that cannot or must not be drawn, before any work is done; `others` must not be drawn over."""
     _pillow()
     out_png = Path(out_png)
-    if out_png.exists() and not overwrite:
-        raise OutputExists(f"{out_png} exists; give another name, or overwrite=True (--overwrite)")
+    if out_png.suffix.lower() != ".png":
+        raise InvalidParameter(f"picture {out_png} ends in {out_png.suffix!r}, must end in .png")
     if not out_png.parent.is_dir():
         raise FileError(f"cannot write {out_png}: the folder {out_png.parent} does not exist")
+    if any(out_png.resolve() == Path(other).resolve() for other in others):
+        raise InvalidParameter(f"picture {out_png} is also the name of a cloud; give the picture another name")
+    if out_png.exists() and not overwrite:
+        raise OutputExists(f"{out_png} exists; give another name, or overwrite=True (--overwrite)")
 
 
 def preview(
@@ -108,11 +113,11 @@ def preview(
     MissingExtra
         Pillow is not installed.
     """
-    if size < _SMALLEST_SIZE:
-        raise InvalidParameter(f"size is {size}, must be {_SMALLEST_SIZE} or more pixels")
+    if not _SMALLEST_SIZE <= size <= _LARGEST_SIZE:
+        raise InvalidParameter(f"size is {size}, must be {_SMALLEST_SIZE} to {_LARGEST_SIZE} pixels")
     if shade not in ("segment", "height", None):
         raise InvalidParameter(f"shade is {shade!r}, must be 'segment', 'height' or None")
-    check_preview(out_png, overwrite)
+    check_preview(out_png, overwrite, [labelled])
     labelled, out_png = Path(labelled), Path(out_png)
     found = survey(labelled)
     raster = fill_gaps(rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1))
@@ -291,7 +296,7 @@ def _pillow() -> _Pillow:
     try:
         from PIL import Image, ImageDraw, ImageFont
     except ImportError as error:
-        raise MissingExtra("drawing a preview needs Pillow; install it: pip install streamseg[preview]") from error
+        raise MissingExtra("drawing a preview needs Pillow; install it: pip install 'streamseg[preview]'") from error
     return _Pillow(Image, ImageDraw, ImageFont)
 
 

@@ -17,7 +17,7 @@ PathLike = str | Path
 Spans = Any
 
 # Points that are handed to the core at a time.
-_CHUNK = 500_000
+_CHUNK = 250_000
 
 # What a chunk is for the core: (n, 3) points, and one (n,) array per attribute that the spans need.
 CoreChunk = tuple[ArrayLike, tuple[ArrayLike, ...]]

@@ -67,7 +67,9 @@ impl Exactness {
         let is_identical = class == 'A' && shares == Shares::Always;
         let sentence = match (class, &shares) {
             ('A', Shares::Always) => "equal to the static result: every pair in reach shares a window",
-            ('A', _) => "equal to the static result where every pair in reach shares a window",
+            ('A', _) => {
+                "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
+            }
             ('C', Shares::Unknown) if reach.is_some() => {
                 "no promise: spans cut in stream order prove no edge at the borders of windows; use spans by width, or compare with segment_static"
             }

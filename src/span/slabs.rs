@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::lattice::Lattice;
 
 /// How many bytes of points wait in memory before they go to disk.
-const SPOOL_MEMORY: usize = 32 << 20;
+const SPOOL_MEMORY: usize = 16 << 20;
 
 const BYTES_PER_POINT: usize = size_of::<[f64; 3]>() + size_of::<i64>();
 
@@ -50,6 +50,10 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
             if self.spool.bytes >= self.spool.memory {
                 self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
             }
+        }
+        if self.spool.file.is_some() {
+            // Where some are on disk all go there: the windows that follow can use the memory.
+            self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-DEFAULT_CHUNK = 500_000
+DEFAULT_CHUNK = 250_000
 
 
 class Chunk(NamedTuple):

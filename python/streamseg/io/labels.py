@@ -72,6 +72,8 @@ class LabelSpool:
         self._waiting_pairs = 0
         self._dense: tuple[int, NDArray[np.int64], NDArray[np.bool_]] | None = None
         self._is_open = True
+        self.has_any = False
+        """Whether any point has been labelled."""
 
     def add(self, point_ids: ArrayLike, segment_ids: ArrayLike) -> None:
         """Note the segment of each point.
@@ -98,6 +100,7 @@ class LabelSpool:
             return
         if points.min() < 0:
             raise InvalidInput(f"point id {points.min()} is negative, point ids start at 0")
+        self.has_any = True
         for start in range(0, len(points), _BUFFERED_PAIRS):
             part = slice(start, start + _BUFFERED_PAIRS)
             self._waiting.append(np.column_stack((points[part], segments[part])))
