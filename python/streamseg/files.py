@@ -251,6 +251,4 @@ def _check_origin(past: History, cloud: Cloud) -> None:
         warn(f"{past.folder} ends early: {points:,} of {cloud.point_count:,} points are in it, the others are left out")
     names = [Path(name).name for name in past.manifest["source"].split(", ")]
     if names != [path.name for path in cloud.paths]:
-        warn(
-            f"{past.folder} is the history of {past.manifest['source']}, not of {given}; the ids fit only the same points"
-        )
+        warn(f"{past.folder} is the history of {past.manifest['source']}, not of {given}; its ids fit no others")
