@@ -292,8 +292,8 @@ def _warn(
 def _give_memory_back() -> None:
     """Have the C library give large buffers back to the system when they are freed.
 
-    By default glibc learns from every freed buffer, up to 32 MiB, to keep such sizes, in every thread; what is kept then
-    depends on chance, and adds a third to the memory of a run.
+    By default glibc learns from every freed buffer, up to 32 MiB, to keep such sizes, in every thread. What is kept
+    then depends on chance, and adds a third to the memory of a run.
     """
     mmap_threshold = -3  # glibc's M_MMAP_THRESHOLD
     with contextlib.suppress(OSError, AttributeError, TypeError):

@@ -109,13 +109,15 @@ struct Slab {
 impl SegmentSegment {
     /// Takes in a window: its segments with the last span of each, and its sealed pairs.
     pub fn push(&mut self, window: u64, first_id: SegmentId, last_spans: &[u64], pairs: &[(SegmentId, i32, u64)]) {
-        let mut by_span: Vec<(u64, SegmentId)> =
-            last_spans.iter().zip(first_id..).map(|(&span, segment_id)| (span, segment_id)).collect();
-        by_span.sort_unstable();
-        let leaving: VecDeque<(u64, Vec<SegmentId>)> = by_span
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(|group| (group[0].0, group.iter().map(|&(_, segment_id)| segment_id).collect()))
-            .collect();
+        // A window has few spans, so segments are dealt out to them, in ascending order of id.
+        let first_span = last_spans.iter().min().copied().unwrap_or(0);
+        let mut leaving: VecDeque<(u64, Vec<SegmentId>)> = VecDeque::new();
+        for (&span, segment_id) in last_spans.iter().zip(first_id..) {
+            while leaving.len() as u64 <= span - first_span {
+                leaving.push_back((first_span + leaving.len() as u64, Vec::new()));
+            }
+            leaving[(span - first_span) as usize].1.push(segment_id);
+        }
         let pairs = pairs
             .iter()
             .map(|&(segment_id, label, shared_points)| SegmentRow {
