@@ -195,3 +195,35 @@ def test_an_interrupt_leaves_what_was_done(tmp_path: Path) -> None:
     kept = laspy.read(tmp_path / "out.las")
     assert len(kept) == points
     assert kept["SegmentID"].min() >= 1
+
+
+def test_a_history_of_something_else_is_refused(run: Run, strip: Path, tmp_path: Path) -> None:
+    run("segment", strip, "out.laz", "--distance", 1, "--history", "past")
+    other = ss.scenes.write(tmp_path / "other.laz", "street", 40_000)
+    done = run("resolve", "past", other, "again.laz")
+    assert done.returncode == 2
+    assert "past is the history of 30,000 points" in done.stderr
+    same_size = ss.scenes.write(tmp_path / "same.laz", "street", 30_000)
+    done = run("resolve", "past", same_size, "again.laz")
+    assert done.returncode == 0
+    assert "warning: past is the history of" in done.stderr
+
+
+def test_no_picture_is_drawn_over_a_cloud(run: Run, strip: Path, tmp_path: Path) -> None:
+    before = strip.read_bytes()
+    for picture in ("strip.laz", "out.laz"):
+        done = run("segment", strip, "out.laz", "--distance", 1, "--preview", picture, "--overwrite")
+        assert done.returncode == 2
+        assert ".png" in done.stderr
+    assert strip.read_bytes() == before
+    assert not (tmp_path / "out.laz").exists()
+
+
+def test_the_demonstration_replaces_only_its_own(run: Run, strip: Path) -> None:
+    before = strip.read_bytes()
+    done = run("demo", ".", "--points", 2000)
+    assert done.returncode == 2
+    assert "strip.laz exists and is not of an earlier demonstration" in done.stderr
+    assert strip.read_bytes() == before
+    assert run("demo", "new", "--points", 2000).returncode == 0
+    assert run("demo", "new", "--points", 2000).returncode == 0
