@@ -7,6 +7,8 @@
 //! | [`span`] | a cloud, in chunks → spans |
 //! | [`window`] | spans → windows that slide over them |
 //! | [`neighborhood`] | the points of a window → who is near whom |
+//! | [`features`] | who is near whom → what the surface is like around each point |
+//! | [`expression`] | a text → a criterion over the attributes of points |
 //! | [`segmentor`] | a window → one label per point |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
 //! | [`pipeline`] | all of it, as an iterator |
@@ -41,6 +43,8 @@
 
 pub mod crew;
 pub mod error;
+pub mod expression;
+pub mod features;
 pub mod label;
 pub mod lattice;
 pub mod neighborhood;

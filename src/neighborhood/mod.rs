@@ -1,10 +1,15 @@
 //! Who is near whom inside one window.
 //!
-//! A neighborhood knows positions and nothing of segments; what to make of a pair is the segmentor's business.
+//! A neighborhood knows positions and nothing of segments; what to make of a pair is the segmentor's business. There are
+//! two: the [`Delaunay`] triangulation of the map, and the [`Grid`], which answers every [`Search`] by radius or number.
 
 mod certificate;
 mod curve;
 mod delaunay;
+mod grid;
+mod search;
 
 pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
+pub use grid::{Grid, Neighbor};
+pub use search::Search;
