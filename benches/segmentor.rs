@@ -35,7 +35,7 @@ fn segmentor(criterion: &mut Criterion) {
 fn segment_side_by_side(subject: &Subject, window: &Arc<streamseg::window::Window>, crew: &Crew) -> usize {
     let segmentor = subject.segmentor();
     let segments = crew.map(vec![Arc::clone(window); crew.threads()], |window| {
-        segmentor.segment(&window).expect("proximity never fails").count()
+        segmentor.segment(&window).expect("proximity never fails").labels.count()
     });
     segments.into_iter().sum()
 }

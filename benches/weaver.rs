@@ -31,7 +31,7 @@ fn labelled(subject: &Subject, width: f64, size: WindowSize) -> Vec<Labelled> {
         .map(|window| Labelled {
             first_span: window.spans()[0].index,
             span_points: window.spans().iter().map(|span| span.len()).collect(),
-            labels: segmentor.segment(&window).expect("proximity never fails"),
+            labels: segmentor.segment(&window).expect("proximity never fails").labels,
         })
         .collect()
 }

@@ -30,6 +30,24 @@ pub enum Error {
         /// Its coordinates.
         position: [f64; 3],
     },
+    /// Something needs an attribute that the cloud does not have.
+    #[error("'{name}' is no attribute of the cloud and no feature that can be computed; there are: {available}")]
+    UnknownAttribute {
+        /// The attribute asked for.
+        name: String,
+        /// Those there are.
+        available: String,
+    },
+    /// A feature would have to be computed, but nothing says from which neighbors.
+    #[error(
+        "{name} is no attribute of the cloud, and {segmentor} has no neighborhood to compute it from; give the cloud with that attribute, or use a segmentor with search_radius or k"
+    )]
+    NoNeighborhood {
+        /// The feature.
+        name: &'static str,
+        /// The segmentor's name.
+        segmentor: String,
+    },
     /// An attribute that spans are cut by is not a number.
     #[error("{name} of point {point_id} is {value}, expected a finite number; spans cannot be cut by it")]
     Attribute {
@@ -96,6 +114,11 @@ pub enum Error {
 impl Error {
     pub(crate) fn parameter(name: &'static str, given: impl std::fmt::Display, allowed: &'static str) -> Self {
         Error::InvalidParameter { name, given: given.to_string(), allowed }
+    }
+
+    pub(crate) fn unknown_attribute(name: &str, available: &[String]) -> Self {
+        let listed = ["X", "Y", "Z"].into_iter().chain(available.iter().map(String::as_str)).collect::<Vec<_>>();
+        Error::UnknownAttribute { name: name.into(), available: listed.join(", ") }
     }
 
     pub(crate) fn spool(doing: &'static str, cause: io::Error) -> Self {

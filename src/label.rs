@@ -53,6 +53,28 @@ impl Labels {
         self.count as usize
     }
 
+    /// The labels of the points at `positions`, none where there is no position; and for each of these labels which one it
+    /// was.
+    pub fn take(&self, positions: impl Iterator<Item = Option<u32>>) -> (Self, Vec<u32>) {
+        let mut number = vec![NONE as i32; self.count()];
+        let mut old = Vec::new();
+        let of_point = positions
+            .map(|position| {
+                let label = position.map_or(NONE as i32, |position| self.of_point[position as usize]);
+                if label == NONE as i32 {
+                    return label;
+                }
+                let number = &mut number[label as usize];
+                if *number == NONE as i32 {
+                    *number = old.len() as i32;
+                    old.push(label as u32);
+                }
+                *number
+            })
+            .collect();
+        (Self { of_point, count: old.len() as u32 }, old)
+    }
+
     /// Spreads the labels of some of `points` points over all of them: the others get none.
     pub(crate) fn spread(self, over: &[u32], points: usize) -> Self {
         let mut of_point = vec![NONE as i32; points];
@@ -103,6 +125,14 @@ mod tests {
         assert_eq!(labels.count(), 3);
         let same = Labels::from_representatives([4, 2, 4, 0].into_iter(), 5);
         assert_eq!(same.of_points(), [0, 1, 0, 2]);
+    }
+
+    #[test]
+    fn some_of_the_labels_are_numbered_anew() {
+        let labels = Labels::from_any(&[5, 6, 7, 6, -1]);
+        let (some, old) = labels.take([Some(3), None, Some(2), Some(1), Some(4)].into_iter());
+        assert_eq!(some.of_points(), [0, -1, 1, 0, -1]);
+        assert_eq!((some.count(), old), (2, vec![1, 2]));
     }
 
     #[test]

@@ -68,6 +68,11 @@ impl Lattice {
         if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
     }
 
+    /// Steps of [`Self::horizontal`] per unit of the coordinates.
+    pub(crate) fn per_horizontal(&self) -> f64 {
+        if self.whole && self.scale[0] == self.scale[1] { 1.0 / self.scale[0] } else { 1.0 }
+    }
+
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
     /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]

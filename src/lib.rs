@@ -9,6 +9,8 @@
 //! | [`neighborhood`] | the points of a window → who is near whom |
 //! | [`features`] | who is near whom → what the surface is like around each point |
 //! | [`expression`] | a text → a criterion over the attributes of points |
+//! | [`preprocessing`] | the points of a window → fewer points |
+//! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
 //! | [`pipeline`] | all of it, as an iterator |
@@ -41,6 +43,7 @@
 //! # Ok::<(), streamseg::error::Error>(())
 //! ```
 
+pub mod attribute;
 pub mod crew;
 pub mod error;
 pub mod expression;
@@ -49,6 +52,8 @@ pub mod label;
 pub mod lattice;
 pub mod neighborhood;
 pub mod pipeline;
+pub mod preprocessing;
+pub mod recipe;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
-use crate::label::{Labels, SegmentId};
+use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::Segmentor;
+use crate::segmentor::{Segmented, Segmentor};
 use crate::span::{Span, Spans};
 use crate::weaver::{Aliases, EvictedSpan, LabelledWindow, Weaver};
 use crate::window::{Slider, Window, WindowSize};
@@ -87,7 +87,7 @@ pub struct Progress {
 struct SegmentedWindow {
     index: u64,
     spans: Vec<Arc<Span>>,
-    labels: Job<Result<Labels>>,
+    labels: Job<Result<Segmented>>,
 }
 
 impl Pipeline {
@@ -95,9 +95,10 @@ impl Pipeline {
     /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
+        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
         Self {
             spans: Some(spans),
-            slider: Slider::new(size, lattice),
+            slider: slider.with_attributes(segmentor.reads()),
             segmentor,
             crew,
             under_way: VecDeque::new(),
@@ -164,39 +165,27 @@ impl Pipeline {
 
     /// Takes the next span in and has a window segmented when it is complete; whether there was a span.
     fn take_in_span(&mut self) -> bool {
-        let window = match self.spans.as_mut().and_then(Iterator::next) {
-            Some(Ok(span)) => self.slider.push(span),
-            ended => {
+        if let Some(window) = self.slider.next_window() {
+            self.segment_window(window);
+            return true;
+        }
+        match self.spans.as_mut().map(Iterator::next) {
+            Some(Some(Ok(span))) => self.slider.push(span),
+            Some(ended) => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.
                 self.failure = ended.and_then(Result::err).or(self.failure.take());
                 self.spans = None;
-                match self.slider.finish() {
-                    None => return false,
-                    last => last,
-                }
+                self.slider.end();
             }
-        };
-        if let Some(window) = window {
-            self.segment_window(window);
+            None => return false,
         }
         true
     }
 
     fn segment_window(&mut self, window: Window) {
         let segmentor = Arc::clone(&self.segmentor);
-        let (index, spans) = (window.index(), window.spans().to_vec());
-        let labels = self.crew.start(move || {
-            let labels = segmentor.segment(&window)?;
-            let (given, points) = (labels.of_points().len(), window.points().len());
-            if given != points {
-                let problem = format!("returned {given} labels for window {index} of {points} points");
-                return Err(Error::Labels { segmentor: segmentor.name().into(), problem });
-            }
-            Ok(match window.valid() {
-                Some(valid) => labels.spread(valid, window.len()),
-                None => labels,
-            })
-        });
+        let (index, spans) = (window.index(), window.own_spans().to_vec());
+        let labels = self.crew.start(move || label_own_points(&*segmentor, &window));
         self.under_way.push_back(SegmentedWindow { index, spans, labels });
     }
 
@@ -204,8 +193,8 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let labels = match labels {
-            Ok(Ok(labels)) => labels,
+        let Segmented { labels, .. } = match labels {
+            Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
                 return Ok(());
@@ -256,6 +245,20 @@ impl Pipeline {
         }
         self.progress.live_segments = self.weaver.live_segments();
     }
+}
+
+/// The labels of all of a window's own points.
+fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
+    let mut segmented = segmentor.segment(window)?;
+    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
+    if given != points {
+        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
+        return Err(Error::Labels { segmentor: segmentor.name().into(), problem });
+    }
+    if let Some(valid) = window.valid() {
+        segmented.labels = segmented.labels.spread(valid, window.len());
+    }
+    Ok(if window.own().len() < window.len() { segmented.keep(window.own()) } else { segmented })
 }
 
 impl Iterator for Pipeline {

@@ -4,8 +4,10 @@
 //! segmentation, ISPRS Annals I-3, 2012). Number and overlap are free as long as the window moves.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 
+use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
 use crate::lattice::{Lattice, is_valid};
 use crate::span::{Extent, Span};
@@ -57,31 +59,118 @@ impl WindowSize {
     }
 }
 
+/// How far around a window's own spans more of the cloud is loaded, only to be looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Halo {
+    /// Nothing more.
+    #[default]
+    None,
+    /// All that lies within this length, in units of the coordinates.
+    Length(f64),
+    /// One span on either side: how far would be enough cannot be told.
+    Span,
+}
+
 /// What a segmentor sees: the valid points of some consecutive spans.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Window {
     index: u64,
     spans: Vec<Arc<Span>>,
+    /// Which of the spans are the window's own; the others are its halo.
+    own_spans: Range<usize>,
     lattice: Lattice,
     points: Vec<[f64; 3]>,
-    /// Positions of the valid points among all, where some are not.
+    point_ids: Vec<i64>,
+    columns: Columns,
+    extent: Option<Extent>,
+    /// Positions of the points among all, where some are left out.
     valid: Option<Vec<u32>>,
+    /// Which points are final, where some are not.
+    is_final: Option<Vec<bool>>,
+    /// Which points may be seeds, where some may not.
+    seeds: Option<Vec<bool>>,
 }
 
 impl Window {
-    /// Gathers the points of `spans`.
+    /// Gathers the points of `spans`, all of which are the window's own.
     pub fn new(index: u64, spans: Vec<Arc<Span>>, lattice: Lattice) -> Self {
-        let mut points = Vec::with_capacity(spans.iter().map(|span| span.len()).sum());
+        let own = 0..spans.len();
+        Self::with_halo(index, spans, own, lattice, &[])
+    }
+
+    /// Gathers the points of `spans`, of which those in `own` are the window's own; `names` are those of the spans'
+    /// attributes.
+    pub fn with_halo(index: u64, spans: Vec<Arc<Span>>, own: Range<usize>, lattice: Lattice, names: &[String]) -> Self {
+        let total = count(&spans);
+        let (mut points, mut point_ids) = (Vec::with_capacity(total), Vec::with_capacity(total));
         for span in &spans {
             points.extend_from_slice(&span.points);
+            point_ids.extend((0..span.len()).map(|position| span.point_id(position)));
         }
-        let mut valid = None;
-        if !points.iter().all(is_valid) {
-            let kept: Vec<u32> = (0..points.len() as u32).filter(|&i| is_valid(&points[i as usize])).collect();
-            points.retain(is_valid);
-            valid = Some(kept);
+        let mut columns = Columns::default();
+        for (column, name) in names.iter().enumerate() {
+            let of_span = |span: &Arc<Span>| span.attributes.get(column).cloned().unwrap_or_default();
+            columns.set(name, spans.iter().flat_map(of_span).collect());
         }
-        Self { index, spans, lattice, points, valid }
+        let extent = extent_of(&spans);
+        let window = Self {
+            index,
+            spans,
+            own_spans: own,
+            lattice,
+            points,
+            point_ids,
+            columns,
+            extent,
+            valid: None,
+            is_final: None,
+            seeds: None,
+        };
+        if window.points.iter().all(is_valid) {
+            return window;
+        }
+        let kept: Vec<u32> = (0..total as u32).filter(|&i| is_valid(&window.points[i as usize])).collect();
+        window.restricted(&kept)
+    }
+
+    /// The same window with only the points at `kept`, in ascending order.
+    #[must_use]
+    pub fn restricted(&self, kept: &[u32]) -> Self {
+        let at = |i: &u32| *i as usize;
+        Self {
+            index: self.index,
+            spans: self.spans.clone(),
+            own_spans: self.own_spans.clone(),
+            lattice: self.lattice,
+            points: kept.iter().map(|i| self.points[at(i)]).collect(),
+            point_ids: kept.iter().map(|i| self.point_ids[at(i)]).collect(),
+            columns: self.columns.select(kept),
+            extent: self.extent,
+            valid: Some(match &self.valid {
+                Some(valid) => kept.iter().map(|i| valid[at(i)]).collect(),
+                None => kept.to_vec(),
+            }),
+            is_final: self.is_final.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
+            seeds: self.seeds.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
+        }
+    }
+
+    /// The same window with other points in place of its own, such as the centers of voxels.
+    #[must_use]
+    pub fn replaced(&self, points: Vec<[f64; 3]>, point_ids: Vec<i64>, lattice: Lattice, columns: Columns) -> Self {
+        Self {
+            index: self.index,
+            spans: self.spans.clone(),
+            own_spans: self.own_spans.clone(),
+            lattice,
+            points,
+            point_ids,
+            columns,
+            extent: self.extent,
+            valid: None,
+            is_final: None,
+            seeds: None,
+        }
     }
 
     /// Number of the window, from 0.
@@ -89,9 +178,20 @@ impl Window {
         self.index
     }
 
-    /// The spans, in stream order.
+    /// The spans, halo included, in stream order.
     pub fn spans(&self) -> &[Arc<Span>] {
         &self.spans
+    }
+
+    /// The window's own spans, in stream order.
+    pub fn own_spans(&self) -> &[Arc<Span>] {
+        &self.spans[self.own_spans.clone()]
+    }
+
+    /// Which of all points of the spans are the window's own; the others are its halo.
+    pub fn own(&self) -> Range<usize> {
+        let own = &self.own_spans;
+        count(&self.spans[..own.start])..count(&self.spans[..own.end])
     }
 
     /// Lattice coordinates of the valid points, in stream order.
@@ -99,9 +199,24 @@ impl Window {
         &self.points
     }
 
+    /// The point ids of the valid points.
+    pub fn point_ids(&self) -> &[i64] {
+        &self.point_ids
+    }
+
     /// The lattice of the coordinates.
     pub fn lattice(&self) -> &Lattice {
         &self.lattice
+    }
+
+    /// Attributes of the valid points.
+    pub fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    /// Attributes of the valid points, to be added to.
+    pub fn columns_mut(&mut self) -> &mut Columns {
+        &mut self.columns
     }
 
     /// Positions of the valid points among all points of the spans; none while all are valid.
@@ -111,72 +226,212 @@ impl Window {
 
     /// The part of the map all of whose points this window holds, if its spans are ones of space.
     pub fn extent(&self) -> Option<Extent> {
-        let (first, last) = (self.spans.first()?.extent?, self.spans.last()?.extent?);
-        Some(Extent { high: last.high, ..first })
+        self.extent
     }
 
-    /// How many points the spans have, valid or not.
+    /// Makes the part of the map smaller by `margin`, in units of the coordinates, wherever it has a border, because
+    /// beyond that something about the points is not final.
+    pub fn shrink(&mut self, margin: f64) {
+        let margin = margin * self.lattice.per_horizontal();
+        if let Some(extent) = &mut self.extent {
+            extent.low += margin;
+            extent.high -= margin;
+        }
+    }
+
+    /// Whether everything within `radius` of `point` on the map, in units of the coordinates, has been loaded. Without an
+    /// extent nothing is known, and everything counts as loaded.
+    pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
+        let Some(Extent { direction, low, high }) = self.extent else { return true };
+        let [x, y] = self.lattice.horizontal(point);
+        let (along, radius) = (direction[0] * x + direction[1] * y, radius * self.lattice.per_horizontal());
+        // The borders are exact on a lattice; elsewhere rounding must not make more of the window than there is.
+        let slack = (along.abs() + radius) * ROUNDING;
+        (low == f64::NEG_INFINITY || along - radius >= low + slack)
+            && (high == f64::INFINITY || along + radius <= high - slack)
+    }
+
+    /// Whether all that is known of the point is final: no other window can know more.
+    pub fn is_final(&self, point: u32) -> bool {
+        self.is_final.as_ref().is_none_or(|flags| flags[point as usize])
+    }
+
+    /// Says which points are final.
+    pub fn set_final(&mut self, is_final: Vec<bool>) {
+        self.is_final = Some(is_final).filter(|flags| !flags.iter().all(|flag| *flag));
+    }
+
+    /// Whether the point may be the first of a segment.
+    pub fn is_seed(&self, point: u32) -> bool {
+        self.seeds.as_ref().is_none_or(|flags| flags[point as usize])
+    }
+
+    /// Says which points may be the first of a segment.
+    pub fn set_seeds(&mut self, seeds: Vec<bool>) {
+        self.seeds = Some(seeds);
+    }
+
+    /// Which points may be seeds; none if all may.
+    pub fn seeds(&self) -> Option<&[bool]> {
+        self.seeds.as_deref()
+    }
+
+    /// How many points the spans have, valid or not, halo included.
     pub fn len(&self) -> usize {
-        self.spans.iter().map(|span| span.len()).sum()
+        count(&self.spans)
     }
 
     /// Whether the spans have no point.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
 
-    /// The point ids of the valid points.
-    pub fn point_ids(&self) -> Vec<i64> {
-        let all: Vec<i64> =
-            self.spans.iter().flat_map(|span| (0..span.len()).map(|position| span.point_id(position))).collect();
-        match &self.valid {
-            Some(valid) => valid.iter().map(|&i| all[i as usize]).collect(),
-            None => all,
-        }
-    }
+fn count(spans: &[Arc<Span>]) -> usize {
+    spans.iter().map(|span| span.len()).sum()
+}
+
+/// Relative slack of positions along a direction.
+const ROUNDING: f64 = 1e-12;
+
+fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {
+    let (first, last) = (spans.first()?.extent?, spans.last()?.extent?);
+    Some(Extent { high: last.high, ..first })
 }
 
 /// Slides a window over spans as they come.
 #[derive(Debug)]
 pub struct Slider {
     size: WindowSize,
+    halo: Halo,
     lattice: Lattice,
+    names: Vec<String>,
     held: VecDeque<Arc<Span>>,
-    /// How many of the held spans have been in no window yet.
-    fresh: usize,
+    /// How many of the held spans come before the next window's own, as its halo.
+    before: usize,
+    /// How many of the next window's own spans were in the last one.
+    shared: usize,
     index: u64,
+    ended: bool,
 }
 
 impl Slider {
     /// A window of `size` before the first span.
     pub fn new(size: WindowSize, lattice: Lattice) -> Self {
-        Self { size, lattice, held: VecDeque::new(), fresh: 0, index: 0 }
+        Self {
+            size,
+            halo: Halo::None,
+            lattice,
+            names: Vec::new(),
+            held: VecDeque::new(),
+            before: 0,
+            shared: 0,
+            index: 0,
+            ended: false,
+        }
     }
 
-    /// Takes the next span, and returns a window when it is complete.
-    pub fn push(&mut self, span: Span) -> Option<Window> {
+    /// Loads a halo around each window.
+    #[must_use]
+    pub fn with_halo(mut self, halo: Halo) -> Self {
+        // Lengths are compared with borders of spans, which rounding may have moved.
+        self.halo = match halo {
+            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) * self.lattice.per_horizontal()),
+            halo => halo,
+        };
+        self
+    }
+
+    /// Names the attributes of the spans.
+    #[must_use]
+    pub fn with_attributes(mut self, names: Vec<String>) -> Self {
+        self.names = names;
+        self
+    }
+
+    /// Takes the next span.
+    pub fn push(&mut self, span: Span) {
         self.held.push_back(Arc::new(span));
-        self.fresh += 1;
-        (self.held.len() == self.size.spans).then(|| self.advance())
     }
 
-    /// The last window, with fewer spans, if some have been in no window yet.
-    pub fn finish(&mut self) -> Option<Window> {
-        (self.fresh > 0).then(|| self.advance())
+    /// Tells that no span will come.
+    pub fn end(&mut self) {
+        self.ended = true;
     }
 
-    /// Forgets the spans of a window that will never come.
+    /// The next window, if the spans that it needs have come.
+    pub fn next_window(&mut self) -> Option<Window> {
+        let there = self.held.len() - self.before;
+        let end = self.before + self.size.spans.min(there);
+        let is_ready = there >= self.size.spans && self.has_halo(end);
+        // When the source has ended, the last window may have fewer spans.
+        (is_ready || (self.ended && there > self.shared)).then(|| self.advance(end))
+    }
+
+    /// Forgets the spans of windows that will never come.
     pub fn clear(&mut self) {
         self.held.clear();
-        self.fresh = 0;
+        (self.before, self.shared) = (0, 0);
     }
 
-    fn advance(&mut self) -> Window {
-        let window = Window::new(self.index, self.held.iter().cloned().collect(), self.lattice);
-        self.held.drain(..self.size.advance().min(self.held.len()));
-        self.fresh = 0;
+    /// Whether what lies behind the own spans up to `end` has been loaded far enough.
+    fn has_halo(&self, end: usize) -> bool {
+        match self.halo {
+            Halo::None => true,
+            Halo::Span => self.held.len() > end || self.ends_with_cloud(),
+            Halo::Length(length) => match (self.held[end - 1].extent, self.held.back().and_then(|span| span.extent)) {
+                (Some(own), Some(last)) => last.high >= own.high + length,
+                _ => true,
+            },
+        }
+    }
+
+    fn ends_with_cloud(&self) -> bool {
+        self.held.back().is_some_and(|span| span.extent.is_none_or(|extent| extent.high == f64::INFINITY))
+    }
+
+    /// How many spans behind `end` belong to the halo.
+    fn after(&self, end: usize) -> usize {
+        let behind = self.held.range(end..);
+        match self.halo {
+            Halo::None => 0,
+            Halo::Span => behind.take(1).filter(|span| span.extent.is_some()).count(),
+            Halo::Length(length) => {
+                let own = self.held[end - 1].extent;
+                behind
+                    .take_while(|span| matches!((span.extent, own), (Some(e), Some(own)) if e.low < own.high + length))
+                    .count()
+            }
+        }
+    }
+
+    fn advance(&mut self, end: usize) -> Window {
+        let loaded = end + self.after(end);
+        let spans = self.held.range(..loaded).cloned().collect();
+        let window = Window::with_halo(self.index, spans, self.before..end, self.lattice, &self.names);
+        let first = (self.before + self.size.advance()).min(end);
+        self.shared = end - first;
+        let kept = first - self.halo_before(first);
+        self.held.drain(..kept);
+        self.before = first - kept;
         self.index += 1;
         window
+    }
+
+    /// How many spans before `first` belong to the halo.
+    fn halo_before(&self, first: usize) -> usize {
+        let before = self.held.range(..first).rev();
+        match self.halo {
+            Halo::None => 0,
+            Halo::Span => before.take(1).filter(|span| span.extent.is_some()).count(),
+            Halo::Length(length) => {
+                let own = self.held.get(first).or(self.held.back()).and_then(|span| span.extent);
+                let own_low = own.map(|own| if self.held.len() > first { own.low } else { own.high });
+                before
+                    .take_while(|span| matches!((span.extent, own_low), (Some(e), Some(low)) if e.high > low - length))
+                    .count()
+            }
+        }
     }
 }
 
@@ -187,10 +442,17 @@ mod tests {
 
     fn windows_over(spans: u64, size: WindowSize) -> Vec<Vec<u64>> {
         let mut slider = Slider::new(size, Lattice::REAL);
-        let span = |index| Span { index, point_ids: PointIds::From(0), points: vec![], extent: None };
-        let mut windows: Vec<Window> = (0..spans).filter_map(|i| slider.push(span(i))).collect();
-        windows.extend(slider.finish());
-        assert!(slider.finish().is_none());
+        let span =
+            |index| Span { index, point_ids: PointIds::From(0), points: vec![], attributes: vec![], extent: None };
+        let mut windows: Vec<Window> = Vec::new();
+        for index in 0..spans {
+            slider.push(span(index));
+            windows.extend(slider.next_window());
+            assert!(slider.next_window().is_none());
+        }
+        slider.end();
+        windows.extend(slider.next_window());
+        assert!(slider.next_window().is_none());
         assert!(windows.iter().enumerate().all(|(i, w)| w.index() == i as u64));
         windows.iter().map(|w| w.spans().iter().map(|s| s.index).collect()).collect()
     }
@@ -230,7 +492,8 @@ mod tests {
     #[test]
     fn invalid_points_are_kept_from_the_segmentor() {
         let points = vec![[0.0; 3], [f64::NAN; 3], [1.0; 3]];
-        let span = Span { index: 0, point_ids: PointIds::Listed(vec![4, 7, 9]), points, extent: None };
+        let point_ids = PointIds::Listed(vec![4, 7, 9]);
+        let span = Span { index: 0, point_ids, points, attributes: vec![], extent: None };
         let window = Window::new(0, vec![Arc::new(span)], Lattice::REAL);
         assert_eq!(window.points().len(), 2);
         assert_eq!(window.valid(), Some(&[0, 2][..]));

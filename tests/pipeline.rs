@@ -14,7 +14,7 @@ use streamseg::error::{Error, Result};
 use streamseg::label::{Labels, NONE};
 use streamseg::lattice::{Lattice, Metric};
 use streamseg::pipeline::{Outgoing, Pipeline};
-use streamseg::segmentor::{Exactness, Proximity, Segmentor};
+use streamseg::segmentor::{Exactness, Proximity, Segmented, Segmentor};
 use streamseg::span::{Chunk, Direction, Invalid, Source, SpanBy, checked, spans_of};
 use streamseg::window::{Window, WindowSize};
 
@@ -65,11 +65,13 @@ impl<F: Fn(&Window) -> Result<Labels> + Send + Sync> Segmentor for Says<F> {
     }
 
     fn exactness(&self) -> Exactness {
-        Exactness::Measured
+        Exactness::Measured { reach: 0.0 }
     }
 
-    fn segment(&self, window: &Window) -> Result<Labels> {
-        if window.index() == self.0 { self.1(window) } else { Ok(Labels::from_any(&vec![0; window.points().len()])) }
+    fn segment(&self, window: &Window) -> Result<Segmented> {
+        let all_in_one = |window: &Window| Ok(Labels::from_any(&vec![0; window.points().len()]));
+        let labels = if window.index() == self.0 { self.1(window) } else { all_in_one(window) };
+        Ok(labels?.into())
     }
 }
 
@@ -343,17 +345,17 @@ fn a_segmentor_that_is_not_concurrent_is_called_one_at_a_time() {
             "stateful"
         }
         fn exactness(&self) -> Exactness {
-            Exactness::Measured
+            Exactness::Measured { reach: 0.0 }
         }
         fn is_concurrent(&self) -> bool {
             false
         }
-        fn segment(&self, window: &Window) -> Result<Labels> {
+        fn segment(&self, window: &Window) -> Result<Segmented> {
             assert_eq!(self.0.fetch_add(1, Ordering::SeqCst), 0, "two windows at the same time");
             std::thread::sleep(std::time::Duration::from_millis(5));
             assert_eq!(self.1.fetch_add(1, Ordering::SeqCst), window.index() as usize, "out of order");
             self.0.fetch_sub(1, Ordering::SeqCst);
-            Ok(Labels::from_any(&vec![0; window.points().len()]))
+            Ok(Labels::from_any(&vec![0; window.points().len()]).into())
         }
     }
     let chunks = (0..40).map(|i| Ok(Chunk { points: vec![[f64::from(i), 0.0, 0.0]; 3], attributes: vec![] }));

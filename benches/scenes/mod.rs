@@ -87,8 +87,13 @@ impl Subject {
     /// All windows over the cloud.
     pub fn windows(&self, width: f64, size: WindowSize) -> Vec<Window> {
         let mut slider = Slider::new(size, Self::lattice());
-        let mut windows: Vec<Window> = self.spans(width).filter_map(|span| slider.push(span)).collect();
-        windows.extend(slider.finish());
+        let mut windows: Vec<Window> = Vec::new();
+        for span in self.spans(width) {
+            slider.push(span);
+            windows.extend(slider.next_window());
+        }
+        slider.end();
+        windows.extend(slider.next_window());
         windows
     }
 }

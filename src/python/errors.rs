@@ -18,10 +18,11 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         let message = error.to_string();
         match error {
-            Error::InvalidParameter { .. } => InvalidParameter::new_err(message),
+            Error::InvalidParameter { .. } | Error::NoNeighborhood { .. } => InvalidParameter::new_err(message),
             Error::NotFinite { .. }
             | Error::NotSorted { .. }
             | Error::Attribute { .. }
+            | Error::UnknownAttribute { .. }
             | Error::DamagedHistory { .. } => InvalidInput::new_err(message),
             Error::Labels { .. } => SegmentorError::new_err(message),
             Error::Spool { .. } => FileError::new_err(message),

@@ -11,7 +11,7 @@ use super::errors::InvalidParameter;
 use crate::error::{Error, Result};
 use crate::label::{Labels, NONE};
 use crate::lattice::Metric;
-use crate::segmentor::{Exactness, Proximity, Segmentor};
+use crate::segmentor::{Exactness, Proximity, Segmented, Segmentor};
 use crate::window::Window;
 
 /// Joins neighbors on the map's Delaunay triangulation that are within a distance.
@@ -156,7 +156,7 @@ impl Segmentor for Foreign {
     }
 
     fn exactness(&self) -> Exactness {
-        Exactness::Measured
+        Exactness::Measured { reach: 0.0 }
     }
 
     /// Python objects may keep state between calls.
@@ -164,13 +164,13 @@ impl Segmentor for Foreign {
         false
     }
 
-    fn segment(&self, window: &Window) -> Result<Labels> {
+    fn segment(&self, window: &Window) -> Result<Segmented> {
         if window.points().is_empty() {
-            return Ok(Labels::from_any(&[]));
+            return Ok(Labels::from_any(&[]).into());
         }
         Python::attach(|py| {
             let answer = self.answer(py, window)?;
-            self.labels(answer.bind(py), window.points().len())
+            Ok(self.labels(answer.bind(py), window.points().len())?.into())
         })
     }
 }
@@ -182,7 +182,7 @@ impl Foreign {
         Ok(match &self.call {
             Call::FitPredict(fit_predict) => fit_predict.call1(py, (points,))?,
             Call::Function(function) => {
-                let point_ids = window.point_ids().into_pyarray(py).unbind();
+                let point_ids = window.point_ids().to_vec().into_pyarray(py).unbind();
                 let window = PyWindow { index: window.index(), points: points.unbind(), point_ids };
                 function.call1(py, (window,))?
             }

@@ -2,23 +2,33 @@
 
 use crate::lattice::Lattice;
 use crate::span::{Direction, SlabIndex, SpanBy};
-use crate::window::WindowSize;
+use crate::window::{Halo, WindowSize};
 
-/// What a segmentor promises of its streamed result.
+/// What a segmentor promises of its streamed result. Lengths are in units of the coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Exactness {
     /// Class A: equal if every pair of points within this reach shares a window.
     ByLocality {
-        /// In units of the coordinates.
+        /// Greatest distance of two points that are looked at together.
         reach: f64,
     },
-    /// Class B: equal as far as every decision could be proven in a window; pairs within this reach have to share one.
+    /// Class B: equal if in addition everything within the halo of a window's own points is loaded with them.
     WithHalo {
-        /// In units of the coordinates.
+        /// Greatest distance of two points that are looked at together.
+        reach: f64,
+        /// Greatest distance from which anything decides about a point; ∞ if there is no limit to it.
+        halo: f64,
+    },
+    /// Class B: equal as far as every decision could be proven in a window; pairs within this reach have to share one.
+    Proven {
+        /// Greatest distance of two points that are looked at together.
         reach: f64,
     },
     /// Class C: no promise; the agreement with the static result has to be measured.
-    Measured,
+    Measured {
+        /// How far points influence each other at the least; 0 if that is unknown.
+        reach: f64,
+    },
 }
 
 /// What a run's result can be relied on for.
@@ -44,37 +54,90 @@ const POINTS_PER_SPAN: usize = 100_000;
 impl Exactness {
     /// The spans for a stored cloud if nothing else is asked for.
     pub fn default_spans(self) -> SpanBy {
-        match self {
-            Exactness::ByLocality { reach } | Exactness::WithHalo { reach } => {
+        match self.reach() {
+            reach if reach > 0.0 && reach.is_finite() => {
                 SpanBy::Width { width: REACHES_PER_SPAN * reach, direction: Direction::X }
             }
-            Exactness::Measured => SpanBy::Count { points: POINTS_PER_SPAN },
+            _ => SpanBy::Count { points: POINTS_PER_SPAN },
+        }
+    }
+
+    fn reach(self) -> f64 {
+        match self {
+            Exactness::ByLocality { reach }
+            | Exactness::WithHalo { reach, .. }
+            | Exactness::Proven { reach }
+            | Exactness::Measured { reach } => reach,
+        }
+    }
+
+    /// What has to be loaded around a window.
+    pub fn halo(self) -> Halo {
+        match self {
+            Exactness::WithHalo { halo, .. } if halo == f64::INFINITY => Halo::Span,
+            Exactness::WithHalo { halo, .. } if halo > 0.0 => Halo::Length(halo),
+            Exactness::Measured { reach } if reach > 0.0 => Halo::Length(reach),
+            _ => Halo::None,
+        }
+    }
+
+    /// The promise if what decides about a point comes from `more` farther away.
+    #[must_use]
+    pub fn with_halo(self, more: f64) -> Self {
+        match self {
+            _ if more == 0.0 => self,
+            Exactness::ByLocality { reach } => Exactness::WithHalo { reach, halo: reach + more },
+            Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach, halo: halo + more },
+            Exactness::Proven { reach } | Exactness::Measured { reach } => Exactness::Measured { reach: reach + more },
+        }
+    }
+
+    /// The promise if points that are looked at together can be farther apart by `more`.
+    #[must_use]
+    pub fn with_reach(self, more: f64) -> Self {
+        match self {
+            Exactness::ByLocality { reach } => Exactness::ByLocality { reach: reach + more },
+            Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach: reach + more, halo },
+            Exactness::Proven { reach } => Exactness::Proven { reach: reach + more },
+            Exactness::Measured { reach } => Exactness::Measured { reach: reach + more },
         }
     }
 
     /// Assesses a run with these spans and windows.
     pub fn assess(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
-        let (mut class, reach) = match self {
-            Exactness::ByLocality { reach } => ('A', Some(reach)),
-            Exactness::WithHalo { reach } => ('B', Some(reach)),
-            Exactness::Measured => ('C', None),
+        let shares = shares(self.reach(), by, size, lattice);
+        let in_space = matches!(by, SpanBy::Width { .. });
+        let class = match self {
+            Exactness::ByLocality { .. } => 'A',
+            // Spans cut in stream order do not say which part of the map they hold, so nothing can be known to be final.
+            Exactness::WithHalo { .. } | Exactness::Proven { .. } if in_space => 'B',
+            _ => 'C',
         };
-        let shares = reach.map_or(Shares::Unknown, |reach| shares(reach, by, size, lattice));
-        if class == 'B' && shares == Shares::Unknown {
-            // Spans cut in stream order do not say which part of the map they hold, so no edge can be proven.
-            class = 'C';
-        }
-        let is_identical = class == 'A' && shares == Shares::Always;
-        let sentence = match (class, &shares) {
-            ('A', Shares::Always) => "equal to the static result: every pair in reach shares a window",
+        let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. } | Exactness::Proven { .. });
+        let is_identical = class < 'C' && has_limit && shares == Shares::Always;
+        let sentence = match (class, self) {
+            _ if is_identical && class == 'A' => "equal to the static result: every pair in reach shares a window",
+            _ if is_identical => {
+                "equal to the static result: every pair in reach shares a window, and all that decides about a point is loaded with it"
+            }
             ('A', _) => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
             }
-            ('C', Shares::Unknown) if reach.is_some() => {
-                "no promise: spans cut in stream order prove no edge at the borders of windows; use spans by width, or compare with segment_static"
+            ('B', Exactness::Proven { .. }) => {
+                "near to the static result: at the borders of windows only proven edges join"
             }
-            ('B', _) => "near to the static result: at the borders of windows only proven edges join",
-            _ => "no promise of equality with the static result: compare with segment_static",
+            ('B', _) if has_limit => {
+                "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
+            }
+            ('B', _) => {
+                "equal to the static result wherever a point's nearest neighbors lie inside a window; give a search_radius to be sure"
+            }
+            (_, Exactness::Measured { .. }) => {
+                "no promise of equality with the static result: compare with segment_static"
+            }
+            _ => {
+                "no promise: spans cut in stream order prove nothing at the borders of windows; use spans by width, or compare with segment_static"
+            }
         };
         let warning = match (&shares, size.overlap()) {
             (_, 0) => Some(
@@ -102,6 +165,9 @@ enum Shares {
 /// Whether every pair of points within `reach` shares a window.
 fn shares(reach: f64, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Shares {
     let SpanBy::Width { width, direction } = by else { return Shares::Unknown };
+    if reach == f64::INFINITY {
+        return Shares::Unknown;
+    }
     let overlap = width * size.overlap() as f64;
     // Where rounding may put a point into the next slab, the overlap has to be a little wider than the reach.
     let needed = if SlabIndex::new(width, direction, lattice).is_exact() { reach } else { reach * (1.0 + 1e-6) };
@@ -134,10 +200,14 @@ mod tests {
     }
 
     #[test]
-    fn only_class_a_promises_identity() {
-        let halo = assess(Exactness::WithHalo { reach: 0.3 }, 9.0, 1);
-        assert_eq!((halo.class, halo.is_identical, halo.warning), ('B', false, None));
-        assert_eq!(assess(Exactness::Measured, 0.1, 1).class, 'C');
+    fn identity_needs_a_limit_to_what_decides() {
+        let proven = assess(Exactness::Proven { reach: 0.3 }, 9.0, 1);
+        assert_eq!((proven.class, proven.is_identical, proven.warning), ('B', false, None));
+        let halo = assess(Exactness::WithHalo { reach: 0.3, halo: 5.0 }, 9.0, 1);
+        assert_eq!((halo.class, halo.is_identical), ('B', true));
+        let unlimited = assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 1);
+        assert_eq!((unlimited.class, unlimited.is_identical, unlimited.warning), ('B', false, None));
+        assert_eq!(assess(Exactness::Measured { reach: 0.0 }, 0.1, 1).class, 'C');
         let by_count = Exactness::ByLocality { reach: 0.3 }.assess(
             SpanBy::Count { points: 9 },
             WindowSize::default(),

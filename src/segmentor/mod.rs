@@ -9,9 +9,66 @@ mod proximity;
 pub use exactness::{Assessment, Exactness};
 pub use proximity::Proximity;
 
+use std::ops::Range;
+
 use crate::error::Result;
 use crate::label::Labels;
+use crate::neighborhood::Search;
 use crate::window::Window;
+
+/// What a segmentor says of a window.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segmented {
+    /// One label per point; −1 where there is none, or none yet: a later window may see more.
+    pub labels: Labels,
+    /// Whether each label holds a point that may be a seed; none if all do.
+    pub seeded: Option<Vec<bool>>,
+    /// The plane of each label, if segments of two windows are one only where their planes agree.
+    pub planes: Option<Vec<Plane>>,
+    /// Points and pairs that this window could not decide, because it does not hold all that they depend on.
+    pub undecided: u64,
+}
+
+impl From<Labels> for Segmented {
+    fn from(labels: Labels) -> Self {
+        Self { labels, seeded: None, planes: None, undecided: 0 }
+    }
+}
+
+impl Segmented {
+    /// What is said of the points at `positions`, nothing where there is no position.
+    #[must_use]
+    pub fn take(self, positions: &[Option<u32>]) -> Self {
+        self.take_each(positions.iter().copied())
+    }
+
+    /// What is said of the points in `range` only.
+    #[must_use]
+    pub fn keep(self, range: Range<usize>) -> Self {
+        self.take_each(range.map(|position| Some(position as u32)))
+    }
+
+    fn take_each(self, positions: impl Iterator<Item = Option<u32>>) -> Self {
+        let (labels, old) = self.labels.take(positions);
+        Self {
+            labels,
+            seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
+            planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
+            undecided: self.undecided,
+        }
+    }
+}
+
+/// A plane in real coordinates, and how well it fits the points that it was adjusted to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// A point of the plane: the center of gravity of its points.
+    pub center: [f64; 3],
+    /// Its unit normal.
+    pub normal: [f64; 3],
+    /// Standard deviation of its points' distances, in units of the coordinates.
+    pub sigma0: f64,
+}
 
 /// Labels the points of one window.
 pub trait Segmentor: Send + Sync {
@@ -26,9 +83,29 @@ pub trait Segmentor: Send + Sync {
         true
     }
 
+    /// The attributes of points that it looks at beside their position: columns of the cloud or features.
+    fn attributes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// The columns of the cloud that windows have to bring along.
+    fn reads(&self) -> Vec<String> {
+        self.attributes()
+    }
+
+    /// The neighborhood from which features are computed that it, or a filter before it, needs and the cloud does not have.
+    fn neighborhood(&self) -> Option<Search> {
+        None
+    }
+
     /// One label for each of [`Window::points`].
     ///
     /// # Errors
     /// If the window cannot be segmented.
-    fn segment(&self, window: &Window) -> Result<Labels>;
+    fn segment(&self, window: &Window) -> Result<Segmented>;
+
+    /// Whether segments of two windows that share points and have these planes are one.
+    fn agree(&self, _: &Plane, _: &Plane) -> bool {
+        true
+    }
 }

@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use super::{Exactness, Segmentor};
+use super::{Exactness, Segmented, Segmentor};
 use crate::error::{Result, positive};
 use crate::label::Labels;
 use crate::lattice::{Metric, Within};
@@ -58,11 +58,11 @@ impl Segmentor for Proximity {
     fn exactness(&self) -> Exactness {
         match self.metric {
             Metric::Xy => Exactness::ByLocality { reach: self.distance },
-            Metric::Xyz => Exactness::WithHalo { reach: self.distance },
+            Metric::Xyz => Exactness::Proven { reach: self.distance },
         }
     }
 
-    fn segment(&self, window: &Window) -> Result<Labels> {
+    fn segment(&self, window: &Window) -> Result<Segmented> {
         let points = window.points();
         let horizontal: Vec<[f64; 2]> = points.iter().map(|point| window.lattice().horizontal(point)).collect();
         let neighbors = Delaunay::new(&horizontal, |i| points[i as usize][2]);
@@ -85,7 +85,7 @@ impl Segmentor for Proximity {
                 joined.join_neighbors(a, b);
             }
         });
-        Ok(labels(&joined.sets.into_representatives(), neighbors.order()))
+        Ok(labels(&joined.sets.into_representatives(), neighbors.order()).into())
     }
 }
 

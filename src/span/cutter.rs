@@ -13,7 +13,8 @@ pub struct Cutter<C> {
     chunk: Chunk,
     /// How much of the chunk has been taken.
     taken: usize,
-    open: Vec<[f64; 3]>,
+    /// Points of the span under way, and their attributes.
+    open: Chunk,
     first_id: i64,
     index: u64,
     ended: bool,
@@ -30,7 +31,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Cutter<C> {
             lattice: *lattice,
             chunk: Chunk::default(),
             taken: 0,
-            open: Vec::new(),
+            open: Chunk::default(),
             first_id: 0,
             index: 0,
             ended: false,
@@ -39,9 +40,10 @@ impl<C: Iterator<Item = Result<Chunk>>> Cutter<C> {
     }
 
     fn close_span(&mut self) -> Span {
-        let points = std::mem::take(&mut self.open);
+        let Chunk { points, attributes } = std::mem::take(&mut self.open);
         let extent = self.rule.close_extent(self.index == 0, self.ended, &self.lattice);
-        let span = Span { index: self.index, point_ids: PointIds::From(self.first_id), points, extent };
+        let point_ids = PointIds::From(self.first_id);
+        let span = Span { index: self.index, point_ids, points, attributes, extent };
         self.index += 1;
         self.first_id += span.len() as i64;
         span
@@ -52,14 +54,14 @@ impl<C: Iterator<Item = Result<Chunk>>> Cutter<C> {
         let start = self.taken;
         let mut ends = Ok(false);
         while self.taken < self.chunk.points.len() {
-            let point_id = self.first_id + (self.open.len() + self.taken - start) as i64;
+            let point_id = self.first_id + (self.open.points.len() + self.taken - start) as i64;
             ends = self.rule.starts_span(&self.chunk, self.taken, point_id);
             if !matches!(ends, Ok(false)) {
                 break;
             }
             self.taken += 1;
         }
-        self.open.extend_from_slice(&self.chunk.points[start..self.taken]);
+        self.open.append(&self.chunk, start..self.taken);
         ends
     }
 
@@ -86,7 +88,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Cutter<C> {
                 Some(Ok(chunk)) => {
                     (self.chunk, self.taken) = (chunk, 0);
                     if matches!(self.rule, Rule::Given) {
-                        self.open.append(&mut self.chunk.points);
+                        self.open = std::mem::take(&mut self.chunk);
                         return Some(Ok(self.close_span()));
                     }
                 }
@@ -94,7 +96,7 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Cutter<C> {
                 None => self.end(None),
             }
         }
-        if self.open.is_empty() { self.failure.take().map(Err) } else { Some(Ok(self.close_span())) }
+        if self.open.points.is_empty() { self.failure.take().map(Err) } else { Some(Ok(self.close_span())) }
     }
 }
 

@@ -9,6 +9,8 @@ mod direction;
 mod slabs;
 mod validity;
 
+use std::ops::Range;
+
 use crate::error::{Result, at_least_one, positive};
 use crate::lattice::Lattice;
 pub use cutter::Cutter;
@@ -22,8 +24,21 @@ pub use validity::{Invalid, checked};
 pub struct Chunk {
     /// Lattice coordinates.
     pub points: Vec<[f64; 3]>,
-    /// The values of [`SpanBy::attributes`], one list per attribute, one value per point.
+    /// Attributes, one list each, one value per point: those of [`SpanBy::attributes`] first, then any others.
     pub attributes: Vec<Vec<f64>>,
+}
+
+impl Chunk {
+    /// Adds some points of another chunk with the same attributes.
+    pub(crate) fn append(&mut self, other: &Chunk, range: Range<usize>) {
+        self.points.extend_from_slice(&other.points[range.clone()]);
+        if self.attributes.len() < other.attributes.len() {
+            self.attributes.resize_with(other.attributes.len(), Vec::new);
+        }
+        for (values, others) in self.attributes.iter_mut().zip(&other.attributes) {
+            values.extend_from_slice(&others[range.clone()]);
+        }
+    }
 }
 
 /// A contiguous group of points.
@@ -35,6 +50,8 @@ pub struct Span {
     pub point_ids: PointIds,
     /// Lattice coordinates, in the order of the point ids.
     pub points: Vec<[f64; 3]>,
+    /// Attributes, as they came with the chunks.
+    pub attributes: Vec<Vec<f64>>,
     /// The part of the map all of whose points this span holds, if it is one of space.
     pub extent: Option<Extent>,
 }

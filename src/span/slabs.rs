@@ -15,6 +15,7 @@ use crate::lattice::Lattice;
 /// How many bytes of points wait in memory before they go to disk.
 const SPOOL_MEMORY: usize = 16 << 20;
 
+/// Bytes of a point without attributes.
 const BYTES_PER_POINT: usize = size_of::<[f64; 3]>() + size_of::<i64>();
 
 /// An iterator of spans by width over chunks in any order.
@@ -30,7 +31,7 @@ pub struct Slabs<C> {
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
-        let spool = Spool { file: None, bytes: 0, memory: SPOOL_MEMORY };
+        let spool = Spool { file: None, attributes: 0, bytes: 0, memory: SPOOL_MEMORY };
         Self { chunks: Some(chunks), slab_of, lattice, spool, waiting: BTreeMap::new(), index: 0 }
     }
 
@@ -38,15 +39,16 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
         let mut point_id = 0;
         let mut at = 0;
         for chunk in chunks {
-            for point in chunk?.points {
+            let chunk = chunk?;
+            for (position, point) in chunk.points.iter().enumerate() {
                 // A point with no valid position stays with the points it came with.
-                at = self.slab_of.of(&point)?.unwrap_or(at);
+                at = self.slab_of.of(point)?.unwrap_or(at);
                 let slab = self.waiting.entry(at).or_default();
                 slab.point_ids.push(point_id);
-                slab.points.push(point);
+                slab.held.append(&chunk, position..position + 1);
                 point_id += 1;
-                self.spool.bytes += BYTES_PER_POINT;
             }
+            self.spool.bytes += chunk.points.len() * bytes_per_point(chunk.attributes.len());
             if self.spool.bytes >= self.spool.memory {
                 self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
             }
@@ -76,7 +78,9 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
         let (first, end) = ((index > 0).then_some(at), self.waiting.keys().next().copied());
         let extent = Some(self.slab_of.extent(first, end, &self.lattice));
         Some(match self.spool.read(slab) {
-            Ok((point_ids, points)) => Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, extent }),
+            Ok((point_ids, Chunk { points, attributes })) => {
+                Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
+            }
             Err(error) => Err(Error::spool("read", error)),
         })
     }
@@ -94,10 +98,14 @@ impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Slabs<C> {
 struct Slab {
     written: Vec<Stretch>,
     point_ids: Vec<i64>,
-    points: Vec<[f64; 3]>,
+    held: Chunk,
 }
 
-/// Where some points of a slab lie in the file: their ids, then their coordinates.
+fn bytes_per_point(attributes: usize) -> usize {
+    BYTES_PER_POINT + attributes * size_of::<f64>()
+}
+
+/// Where some points of a slab lie in the file: their ids, their coordinates, then attribute by attribute.
 struct Stretch {
     start: u64,
     points: usize,
@@ -105,6 +113,8 @@ struct Stretch {
 
 struct Spool {
     file: Option<File>,
+    /// How many attributes a written point has.
+    attributes: usize,
     bytes: usize,
     memory: usize,
 }
@@ -117,33 +127,42 @@ impl Spool {
         };
         let mut end = file.seek(SeekFrom::End(0))?;
         let mut writer = BufWriter::with_capacity(1 << 20, file);
-        for slab in slabs.values_mut().filter(|slab| !slab.points.is_empty()) {
-            let points = std::mem::take(&mut slab.points);
+        for slab in slabs.values_mut().filter(|slab| !slab.point_ids.is_empty()) {
+            let Chunk { points, attributes } = std::mem::take(&mut slab.held);
             writer.write_all(bytemuck::cast_slice(&std::mem::take(&mut slab.point_ids)))?;
             writer.write_all(bytemuck::cast_slice(&points))?;
+            for values in &attributes {
+                writer.write_all(bytemuck::cast_slice(values))?;
+            }
             slab.written.push(Stretch { start: end, points: points.len() });
-            end += (points.len() * BYTES_PER_POINT) as u64;
+            end += (points.len() * bytes_per_point(attributes.len())) as u64;
+            self.attributes = attributes.len();
         }
         self.bytes = 0;
         writer.flush()
     }
 
-    fn read(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Vec<[f64; 3]>)> {
-        let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.points)) };
+    fn read(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Chunk)> {
+        let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.held)) };
         let written: usize = slab.written.iter().map(|stretch| stretch.points).sum();
         let mut point_ids = vec![0i64; written];
         let mut points = vec![[0.0f64; 3]; written];
+        let mut attributes = vec![vec![0.0f64; written]; self.attributes];
         let mut at = 0;
         for stretch in &slab.written {
-            let end = at + stretch.points;
+            let range = at..at + stretch.points;
             file.seek(SeekFrom::Start(stretch.start))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[at..end]))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut points[at..end]))?;
-            at = end;
+            file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[range.clone()]))?;
+            file.read_exact(bytemuck::cast_slice_mut(&mut points[range.clone()]))?;
+            for values in &mut attributes {
+                file.read_exact(bytemuck::cast_slice_mut(&mut values[range.clone()]))?;
+            }
+            at = range.end;
         }
+        let mut chunk = Chunk { points, attributes };
         point_ids.extend(slab.point_ids);
-        points.extend(slab.points);
-        Ok((point_ids, points))
+        chunk.append(&slab.held, 0..slab.held.points.len());
+        Ok((point_ids, chunk))
     }
 }
 
@@ -162,7 +181,7 @@ mod tests {
         ) {
             let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
                 points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
-                attributes: vec![],
+                attributes: vec![xs.to_vec()],
             })).collect::<Vec<_>>();
             let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
             let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
@@ -180,7 +199,9 @@ mod tests {
                 prop_assert_eq!(extent.low, high);
                 high = extent.high;
                 let mut slab = None;
-                for (&id, point) in ids.iter().zip(&span.points) {
+                prop_assert_eq!(span.attributes[0].len(), ids.len());
+                for ((&id, point), value) in ids.iter().zip(&span.points).zip(&span.attributes[0]) {
+                    prop_assert_eq!(value.to_bits(), xs[id as usize].to_bits());
                     prop_assert!(!std::mem::replace(&mut seen[id as usize], true));
                     prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
                     if let Some(at) = slab_of.of(point).unwrap() {

@@ -98,9 +98,10 @@ pub fn stream(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmento
 
 /// The whole cloud as one window.
 pub fn static_labels(points: &[[f64; 3]], lattice: Lattice, segmentor: &dyn Segmentor) -> Vec<i64> {
-    let span = Span { index: 0, point_ids: PointIds::From(0), points: points.to_vec(), extent: None };
+    let span =
+        Span { index: 0, point_ids: PointIds::From(0), points: points.to_vec(), attributes: vec![], extent: None };
     let labels = segmentor.segment(&Window::new(0, vec![Arc::new(span)], lattice)).unwrap();
-    labels.of_points().iter().copied().map(i64::from).collect()
+    labels.labels.of_points().iter().copied().map(i64::from).collect()
 }
 
 /// The point ids of a span.

@@ -1,0 +1,222 @@
+//! A RECIPE: all that is done to a window, from its points to their labels.
+//!
+//! 1. *Preprocess*: each [`Stage`] hands on fewer points.
+//! 2. *Features* that are needed and that the cloud does not have are computed. What is computed for a point is final only
+//!    where all that it depends on has been loaded, so from here on the window is smaller by that much.
+//! 3. *Filter*: points that the filter leaves out take no part; the seed filter says who may be the first of a segment.
+//! 4. *Segment*, and spread the labels over all points again.
+//!
+//! To the pipeline a recipe is a [`Segmentor`] like any other.
+
+use std::sync::Arc;
+
+use crate::attribute::is_same_name;
+use crate::error::{Error, Result};
+use crate::expression::Filter;
+use crate::features::{Feature, Fit, compute};
+use crate::neighborhood::Search;
+use crate::preprocessing::{Preprocessed, Stage};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
+use crate::window::Window;
+
+/// The coordinates, as attributes.
+const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
+
+/// What a recipe is made of.
+#[derive(Clone)]
+pub struct Ingredients {
+    /// Steps before anything else, in order.
+    pub stages: Vec<Arc<dyn Stage>>,
+    /// Which points take part.
+    pub filter: Option<Filter>,
+    /// Which points may be the first of a segment.
+    pub seed_filter: Option<Filter>,
+    /// How planes are fitted where features are computed.
+    pub fit: Fit,
+    /// Who labels what is left.
+    pub segmentor: Arc<dyn Segmentor>,
+}
+
+/// Preprocessing, features, filters and a segmentor in one.
+pub struct Recipe {
+    ingredients: Ingredients,
+    /// The columns of the cloud that are needed.
+    reads: Vec<String>,
+    /// The coordinates that are needed as columns.
+    coordinates: Vec<usize>,
+    /// The features that the cloud does not have.
+    features: Vec<Feature>,
+    search: Option<Search>,
+}
+
+impl Recipe {
+    /// A recipe for a cloud that has the attributes `available`.
+    ///
+    /// # Errors
+    /// If something needs an attribute that the cloud does not have and that cannot be computed.
+    pub fn new(ingredients: Ingredients, available: &[String]) -> Result<Self> {
+        let mut recipe = Self {
+            reads: vec![],
+            coordinates: vec![],
+            features: vec![],
+            search: ingredients.segmentor.neighborhood(),
+            ingredients,
+        };
+        let mut needed = recipe.ingredients.segmentor.attributes();
+        for filter in [&recipe.ingredients.filter, &recipe.ingredients.seed_filter].into_iter().flatten() {
+            needed.extend(filter.attributes().map(ToString::to_string));
+        }
+        for name in needed {
+            recipe.provide(&name, available)?;
+        }
+        Ok(recipe)
+    }
+
+    /// Decides where an attribute comes from: the cloud before all else, so that what was measured or computed with
+    /// more care is used.
+    fn provide(&mut self, name: &str, available: &[String]) -> Result<()> {
+        if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
+            if !self.reads.contains(column) {
+                self.reads.push(column.clone());
+            }
+        } else if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
+            if !self.coordinates.contains(&axis) {
+                self.coordinates.push(axis);
+            }
+        } else if let Some(feature) = Feature::by_name(name) {
+            if self.search.is_none() {
+                return Err(Error::NoNeighborhood { name: feature.name(), segmentor: self.name().into() });
+            }
+            if !self.features.contains(&feature) {
+                self.features.push(feature);
+            }
+        } else {
+            return Err(Error::unknown_attribute(name, available));
+        }
+        Ok(())
+    }
+
+    /// How far around a point its features depend on others; 0 if none are computed.
+    fn feature_reach(&self) -> f64 {
+        self.search.filter(|_| !self.features.is_empty()).map_or(0.0, |search| search.reach())
+    }
+
+    fn add_columns(&self, window: &mut Window) {
+        for &axis in &self.coordinates {
+            let lattice = *window.lattice();
+            let values = window.points().iter().map(|point| lattice.real(point)[axis]).collect();
+            window.columns_mut().set(COORDINATES[axis], values);
+        }
+        let (Some(search), false) = (self.search, self.features.is_empty()) else { return };
+        let fit = self.ingredients.fit;
+        let computed = compute(window.points(), window.point_ids(), window.lattice(), search, fit, &self.features);
+        for (feature, values) in self.features.iter().zip(computed.columns) {
+            window.columns_mut().set(feature.name(), values);
+        }
+        if search.reach() == f64::INFINITY {
+            let is_final = window.points().iter().zip(&computed.support).map(|(p, &r)| window.holds(p, r)).collect();
+            window.set_final(is_final);
+        } else {
+            // Now and then one reach for all is less than each point's own, but it says which part of the map is final.
+            window.shrink(search.reach());
+        }
+    }
+
+    /// The positions of the points that take part.
+    fn taking_part(&self, window: &Window) -> Result<Option<Vec<u32>>> {
+        let everywhere = window.extent().is_none() || self.feature_reach() == 0.0;
+        if everywhere && self.ingredients.filter.is_none() {
+            return Ok(None);
+        }
+        let filter = self.ingredients.filter.as_ref();
+        let filter = filter.map(|filter| filter.bind(|name| window.columns().get(name))).transpose()?;
+        let takes_part = |i: &u32| {
+            (everywhere || window.holds(&window.points()[*i as usize], 0.0))
+                && filter.as_ref().is_none_or(|filter| filter.holds(*i as usize))
+        };
+        Ok(Some((0..window.points().len() as u32).filter(takes_part).collect()))
+    }
+
+    fn mark_seeds(&self, window: &mut Window) -> Result<()> {
+        let Some(filter) = &self.ingredients.seed_filter else { return Ok(()) };
+        let filter = filter.bind(|name| window.columns().get(name))?;
+        let seeds = (0..window.points().len()).map(|i| filter.holds(i)).collect();
+        window.set_seeds(seeds);
+        Ok(())
+    }
+
+    /// Features, filters and segmentor, without the stages.
+    fn segment_prepared(&self, mut window: Window) -> Result<Segmented> {
+        self.add_columns(&mut window);
+        let kept = self.taking_part(&window)?;
+        let all = window.points().len();
+        if let Some(kept) = &kept {
+            window = window.restricted(kept);
+        }
+        self.mark_seeds(&mut window)?;
+        let mut segmented = self.ingredients.segmentor.segment(&window)?;
+        self.check(&segmented, &window)?;
+        segmented.seeded = window.seeds().map(|seeds| {
+            let mut seeded = vec![false; segmented.labels.count()];
+            for (&label, _) in
+                segmented.labels.of_points().iter().zip(seeds).filter(|(label, seed)| **label >= 0 && **seed)
+            {
+                seeded[label as usize] = true;
+            }
+            seeded
+        });
+        if let Some(kept) = kept {
+            segmented.labels = segmented.labels.spread(&kept, all);
+        }
+        Ok(segmented)
+    }
+
+    fn check(&self, segmented: &Segmented, window: &Window) -> Result<()> {
+        let (given, points) = (segmented.labels.of_points().len(), window.points().len());
+        if given == points {
+            return Ok(());
+        }
+        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
+        Err(Error::Labels { segmentor: self.name().into(), problem })
+    }
+}
+
+impl Segmentor for Recipe {
+    fn name(&self) -> &str {
+        self.ingredients.segmentor.name()
+    }
+
+    fn exactness(&self) -> Exactness {
+        let stages = &self.ingredients.stages;
+        let halo = stages.iter().map(|stage| stage.halo()).sum::<f64>() + self.feature_reach();
+        let displacement: f64 = stages.iter().map(|stage| stage.displacement()).sum();
+        self.ingredients.segmentor.exactness().with_halo(halo).with_reach(2.0 * displacement)
+    }
+
+    fn is_concurrent(&self) -> bool {
+        self.ingredients.segmentor.is_concurrent() && self.ingredients.stages.iter().all(|stage| stage.is_concurrent())
+    }
+
+    fn reads(&self) -> Vec<String> {
+        self.reads.clone()
+    }
+
+    fn segment(&self, window: &Window) -> Result<Segmented> {
+        let Some((first, others)) = self.ingredients.stages.split_first() else {
+            return self.segment_prepared(window.clone());
+        };
+        let Preprocessed { mut window, mut successors } = first.apply(window)?;
+        for stage in others {
+            let next = stage.apply(&window)?;
+            for successor in &mut successors {
+                *successor = successor.and_then(|of| next.successors[of as usize]);
+            }
+            window = next.window;
+        }
+        Ok(self.segment_prepared(window)?.take(&successors))
+    }
+
+    fn agree(&self, a: &Plane, b: &Plane) -> bool {
+        self.ingredients.segmentor.agree(a, b)
+    }
+}
