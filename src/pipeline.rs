@@ -120,6 +120,13 @@ impl Pipeline {
         self
     }
 
+    /// Names the attributes that chunks bring along, if they are others than those that the segmentor reads.
+    #[must_use]
+    pub fn with_attributes(mut self, names: Vec<String>) -> Self {
+        self.slider = self.slider.with_attributes(names);
+        self
+    }
+
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
         if let Some(spans) = &mut self.spans {

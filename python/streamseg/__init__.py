@@ -5,7 +5,17 @@
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
+from ._core import (
+    Proximity,
+    Segmentor,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    WindowPoints,
+    __version__,
+)
 from .errors import (
     FileError,
     InvalidInput,
@@ -32,6 +42,7 @@ __all__ = [
     "OutputExists",
     "Progress",
     "Proximity",
+    "Segmentor",
     "SegmentorError",
     "Span",
     "SpanByCount",

@@ -1,10 +1,11 @@
 """The compiled core of streamseg."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, Literal, final
+from typing import Any, Literal, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import Unpack, disjoint_base
 
 _Ids = NDArray[np.int64]
 _Triple = tuple[float, float, float]
@@ -13,8 +14,10 @@ _Progress = tuple[int, int, int, int, int, float]
 __all__ = [
     "Pipeline",
     "Proximity",
+    "Recipe",
     "Replay",
     "Scene",
+    "Segmentor",
     "SettledSpan",
     "Settlement",
     "Span",
@@ -30,20 +33,52 @@ __all__ = [
 
 __version__: str
 
-def default_spans(segmentor: Any) -> Any: ...
+def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
+
+class _Options(TypedDict, total=False):
+    min_segment_size: int
+    max_segment_size: int | None
+    filter: str | None
+    seed_filter: str | None
+    sort: Literal["native", "ascending", "descending"]
+    normals: Literal["least_squares", "robust"]
+
+@disjoint_base
+class Segmentor:
+    @property
+    def min_segment_size(self) -> int: ...
+    @property
+    def max_segment_size(self) -> int | None: ...
+    @property
+    def filter(self) -> str | None: ...
+    @property
+    def seed_filter(self) -> str | None: ...
+    @property
+    def sort(self) -> Literal["native", "ascending", "descending"]: ...
+    @property
+    def normals(self) -> Literal["least_squares", "robust"]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self, /) -> int: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
-class Proximity:
-    def __new__(cls, distance: float, graph: str = "delaunay", metric: str = "xyz") -> Proximity: ...
-    def __getnewargs__(self) -> tuple[float, str, str]: ...
+class Proximity(Segmentor):
+    def __new__(
+        cls, distance: float, graph: str = "delaunay", metric: str = "xyz", **options: Unpack[_Options]
+    ) -> Proximity: ...
     @property
     def distance(self) -> float: ...
     @property
-    def graph(self) -> Literal["delaunay"]: ...
+    def graph(self) -> str: ...
     @property
-    def metric(self) -> Literal["xyz", "xy"]: ...
-    def __eq__(self, other: object, /) -> bool: ...
-    def __ne__(self, other: object, /) -> bool: ...
+    def metric(self) -> str: ...
+
+@final
+class Recipe:
+    def __new__(cls, segmentor: Any, available: list[str], has_more: bool) -> Recipe: ...
+    @property
+    def reads(self) -> list[str]: ...
 
 @final
 class SpanByWidth:
@@ -104,6 +139,8 @@ class WindowPoints:
     def points(self) -> NDArray[np.float64]: ...
     @property
     def point_ids(self) -> _Ids: ...
+    @property
+    def attributes(self) -> dict[str, NDArray[np.float64]]: ...
     def __len__(self, /) -> int: ...
 
 @final
@@ -142,7 +179,7 @@ class Pipeline:
     def __new__(
         cls,
         chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
-        segmentor: Any,
+        recipe: Recipe,
         spans: Any,
         window: Window,
         *,

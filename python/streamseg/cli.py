@@ -14,7 +14,7 @@ from typing import Annotated, NoReturn, TextIO
 import typer
 
 from . import __version__, description
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ._core import Proximity, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
 from .errors import InvalidParameter, StreamsegError, StreamsegWarning
 from .files import Outcome, resolve_file, segment_file
 from .history import History
@@ -179,7 +179,7 @@ def _spans(
     except ValueError:
         azimuth = direction
     if width is None:
-        width = default_spans(segmentor).width
+        width = default_spans(Recipe(segmentor, [], True), None, None).width
     return SpanByWidth(width, azimuth)
 
 

@@ -98,7 +98,7 @@ def segment_file(
     if on_open is not None:
         on_open(cloud.point_count)
     interrupt = _Interrupt()
-    source = open_source(cloud, spans)
+    source = open_source(cloud)
     with interrupt, LabelSpool() as labels:
         run = stream(
             counted(source, _first(interrupt.check, on_read)),

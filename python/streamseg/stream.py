@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._core import (
     Pipeline,
+    Recipe,
     Settlement,
     SpanByCount,
     SpanByScanLine,
@@ -25,7 +26,7 @@ from ._core import (
 )
 from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
-from .source import PathLike, Source, open_source
+from .source import Attributes, PathLike, Source, needed_by, open_source
 
 if TYPE_CHECKING:
     from ._core import SettledSpan
@@ -275,7 +276,7 @@ def stream(
     threads: int | None = None,
     drop_invalid: bool = False,
     overwrite: bool = False,
-    attributes: Mapping[str, ArrayLike] | None = None,
+    attributes: Attributes | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     with_points: bool = True,
 ) -> Stream:
@@ -304,8 +305,9 @@ def stream(
         Give points with NaN or infinite coordinates no segment instead of refusing them.
     overwrite : bool, default False
         Replace a history that is already there.
-    attributes : mapping of (n,) arrays, optional
-        For an array: the attributes that the spans need, such as ``gps_time``.
+    attributes : mapping of (n,) arrays, or sequence of names, optional
+        For an array: its attributes, such as ``{"gps_time": …}``. For a live source the names of those that its items
+        bring along and that are to be used instead of computing them. Case and underscores of names do not matter.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -336,10 +338,13 @@ def stream(
     """
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    opened = open_source(source, spans, attributes)
+    opened = open_source(source, attributes)
+    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    if opened.can_be_stored and isinstance(spans, SpanByWidth):
+        opened = opened._replace(stored=True)
     if spans is None and opened.stored:
-        spans = default_spans(segmentor)
-    core = _pipeline(opened, segmentor, spans, window or Window(), threads, drop_invalid, on_progress)
+        spans = default_spans(recipe, opened.point_count, opened.extent_x)
+    core = _pipeline(opened, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
     if core.warning:
         warn(core.warning)
     writer = None
@@ -353,7 +358,7 @@ def stream(
 
 def _pipeline(
     source: Source,
-    segmentor: Any,
+    recipe: Recipe,
     spans: SpanBy | None,
     window: Window,
     threads: int | None,
@@ -365,8 +370,8 @@ def _pipeline(
     elif threads < 1:
         raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
     return Pipeline(
-        source.chunks(),
-        segmentor,
+        source.chunks((*needed_by(spans), *recipe.reads)),
+        recipe,
         spans,
         window,
         stored=source.stored,
@@ -392,7 +397,7 @@ def segment(
     window: Window | None = None,
     threads: int | None = None,
     drop_invalid: bool = False,
-    attributes: Mapping[str, ArrayLike] | None = None,
+    attributes: Attributes | None = None,
 ) -> Ids:
     """Segment a cloud as a stream and return the final segment id of every point.
 
@@ -429,12 +434,13 @@ def segment_static(
     segmentor: Any,
     *,
     drop_invalid: bool = False,
+    attributes: Attributes | None = None,
 ) -> Ids:
     """Segment the whole cloud as one window.
 
     Parameters
     ----------
-    source, segmentor, drop_invalid
+    source, segmentor, drop_invalid, attributes
         As for `stream`. The cloud has to fit in memory.
 
     Returns
@@ -449,8 +455,9 @@ def segment_static(
     [1, 1, 2]
     """
     whole = SpanByCount(np.iinfo(np.int64).max)
-    opened = open_source(source, whole)
-    core = _pipeline(opened, segmentor, whole, Window(1, 0), 1, drop_invalid, None)
+    opened = open_source(source, attributes)
+    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    core = _pipeline(opened, recipe, whole, Window(1, 0), 1, drop_invalid, None)
     return _in_input_order(Stream(opened, core, "carry", None, with_points=False))
 
 

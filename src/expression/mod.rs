@@ -10,6 +10,19 @@ pub struct Filter;
 pub struct BoundFilter<'a>(std::marker::PhantomData<&'a ()>);
 
 impl Filter {
+    /// Reads a filter.
+    ///
+    /// # Errors
+    /// If it is none.
+    pub fn parse(_: &str) -> Result<Self> {
+        Ok(Self)
+    }
+
+    /// The text it was read from.
+    pub fn text(&self) -> &str {
+        ""
+    }
+
     /// The attributes that it names.
     pub fn attributes(&self) -> impl Iterator<Item = &str> {
         std::iter::empty()

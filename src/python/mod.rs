@@ -7,6 +7,7 @@ mod arrays;
 mod errors;
 mod history;
 mod scenes;
+mod searches;
 mod segmentors;
 mod spans;
 mod stream;
@@ -27,7 +28,7 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyProximity, PyWindow};
+    use super::segmentors::{PyProximity, PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]
     use super::spans::default_spans;
     #[pymodule_export]

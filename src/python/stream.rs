@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
-use super::segmentors::segmentor;
+use super::segmentors::PyRecipe;
 use super::spans::{PyWindowSize, span_by};
 use crate::crew::Crew;
 use crate::error::Error;
@@ -43,11 +43,11 @@ pub struct PyPipeline {
 #[pymethods]
 impl PyPipeline {
     #[new]
-    #[pyo3(signature = (chunks, segmentor, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress))]
+    #[pyo3(signature = (chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
         chunks: &Bound<'_, PyAny>,
-        segmentor: &Bound<'_, PyAny>,
+        recipe: &PyRecipe,
         spans: Option<&Bound<'_, PyAny>>,
         window: &PyWindowSize,
         stored: bool,
@@ -57,7 +57,7 @@ impl PyPipeline {
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let segmentor = self::segmentor(segmentor)?;
+        let segmentor = Arc::clone(&recipe.segmentor);
         let by = span_by(spans)?;
         let lattice = match (scale, offset) {
             (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
@@ -65,12 +65,14 @@ impl PyPipeline {
         };
         let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
         let source = if stored { Source::Stored } else { Source::Live };
-        let chunks = checked(PyChunks::new(chunks, by.attributes())?, invalid);
+        let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
+        let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
         let spans = spans_of(chunks, by, &lattice, source)?;
         let crew = Crew::new(threads)?;
         let assessment = segmentor.exactness().assess(by, window.0, &lattice);
         let name = segmentor.name().to_string();
         let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
+            .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
         Ok(Self {
             pipeline: Mutex::new(pipeline),

@@ -6,7 +6,7 @@
 mod exactness;
 mod proximity;
 
-pub use exactness::{Assessment, Exactness};
+pub use exactness::{Assessment, Exactness, Layout};
 pub use proximity::Proximity;
 
 use std::ops::Range;
