@@ -77,6 +77,11 @@ impl Lattice {
         let flat = |c: f64| if c.abs() < SMALLEST_COORDINATE { 0.0 } else { c + 0.0 };
         [flat(point[0] * scale[0]), flat(point[1] * scale[1])]
     }
+
+    /// The length of 1 in [horizontal](Self::horizontal) coordinates, in units of the coordinates.
+    pub(crate) fn horizontal_unit(&self) -> f64 {
+        if self.scale[0] == self.scale[1] { self.scale[0] } else { 1.0 }
+    }
 }
 
 /// Whether a position can be computed with.
