@@ -12,6 +12,9 @@ pub enum Feature {
 }
 
 impl Feature {
+    /// All features.
+    pub const ALL: [Feature; 1] = [Feature::NormalX];
+
     /// The feature of this name, whatever its case.
     pub fn by_name(name: &str) -> Option<Feature> {
         name.eq_ignore_ascii_case("NormalX").then_some(Feature::NormalX)
