@@ -115,6 +115,12 @@ impl Window {
         Some(Extent { high: last.high, ..first })
     }
 
+    /// Whether every point of the cloud within `radius` (in units of the coordinates) of `point` on the map is in this
+    /// window. Where spans are cut in stream order nothing is known, and it counts as true.
+    pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
+        self.extent().is_none_or(|extent| extent.holds(point, radius, &self.lattice))
+    }
+
     /// How many points the spans have, valid or not.
     pub fn len(&self) -> usize {
         self.spans.iter().map(|span| span.len()).sum()
