@@ -1,6 +1,6 @@
 """The compiled core of streamseg."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, TypedDict, final
 
 import numpy as np
@@ -28,12 +28,25 @@ __all__ = [
     "Window",
     "WindowPoints",
     "__version__",
+    "_features",
     "default_spans",
 ]
 
 __version__: str
 
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
+
+def _features(
+    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    names: Sequence[str],
+    *,
+    k: int | None,
+    search_radius: float | Sequence[float] | None,
+    search_mode: str,
+    normals: str,
+    scale: _Triple | None,
+    offset: _Triple | None,
+) -> list[NDArray[np.float64]]: ...
 
 class _Options(TypedDict, total=False):
     min_segment_size: int
