@@ -18,7 +18,7 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         let message = error.to_string();
         match error {
-            Error::InvalidParameter { .. } => InvalidParameter::new_err(message),
+            Error::InvalidParameter { .. } | Error::Expression { .. } => InvalidParameter::new_err(message),
             Error::NotFinite { .. }
             | Error::NotSorted { .. }
             | Error::Attribute { .. }
