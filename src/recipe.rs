@@ -63,7 +63,14 @@ impl Recipe {
             ingredients,
         };
         let mut needed = recipe.ingredients.segmentor.attributes();
+        let known = known_to_all(available);
+        if !has_more {
+            recipe.ingredients.segmentor.check(&known)?;
+        }
         for filter in [&recipe.ingredients.filter, &recipe.ingredients.seed_filter].into_iter().flatten() {
+            if !has_more {
+                filter.check(&known)?;
+            }
             needed.extend(filter.attributes().map(ToString::to_string));
         }
         for name in needed {
@@ -181,6 +188,20 @@ impl Recipe {
         let problem = format!("returned {given} labels for window {} of {points} points", window.index());
         Err(Error::Labels { segmentor: self.name().into(), problem })
     }
+}
+
+/// The coordinates, the attributes of the cloud, and the features that can be computed.
+fn known_to_all(available: &[String]) -> Vec<String> {
+    let features = Feature::ALL
+        .iter()
+        .map(|feature| feature.name())
+        .filter(|name| !available.iter().any(|other| is_same_name(other, name)));
+    COORDINATES
+        .into_iter()
+        .chain(available.iter().map(String::as_str))
+        .chain(features)
+        .map(ToString::to_string)
+        .collect()
 }
 
 impl Segmentor for Recipe {

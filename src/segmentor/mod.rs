@@ -88,6 +88,14 @@ pub trait Segmentor: Send + Sync {
         Vec::new()
     }
 
+    /// Says where its own text names an attribute that is not among those `available`.
+    ///
+    /// # Errors
+    /// If it does.
+    fn check(&self, _available: &[String]) -> Result<()> {
+        Ok(())
+    }
+
     /// The columns of the cloud that windows have to bring along.
     fn reads(&self) -> Vec<String> {
         self.attributes()
