@@ -10,6 +10,7 @@ use std::sync::Arc;
 use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
 use crate::lattice::{Lattice, is_valid};
+use crate::neighborhood::Neighborhoods;
 use crate::span::{Extent, Span};
 
 /// How many spans a window has and how many of them it shares with the next.
@@ -89,6 +90,8 @@ pub struct Window {
     is_final: Option<Vec<bool>>,
     /// Which points may be seeds, where some may not.
     seeds: Option<Vec<bool>>,
+    /// The neighbors of all points, where they were kept.
+    neighborhoods: Option<Neighborhoods>,
 }
 
 impl Window {
@@ -125,6 +128,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         };
         if window.points.iter().all(is_valid) {
             return window;
@@ -152,6 +156,7 @@ impl Window {
             }),
             is_final: self.is_final.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
             seeds: self.seeds.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
+            neighborhoods: self.neighborhoods.as_ref().map(|all| all.restricted(kept)),
         }
     }
 
@@ -170,6 +175,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         }
     }
 
@@ -251,6 +257,13 @@ impl Window {
             && (high == f64::INFINITY || along + radius <= high - slack)
     }
 
+    /// Whether a place is among the window's own spans, not in its halo.
+    pub fn is_own(&self, point: &[f64; 3]) -> bool {
+        let Some(Extent { direction, low, high }) = extent_of(self.own_spans()) else { return true };
+        let [x, y] = self.lattice.horizontal(point);
+        (low..high).contains(&(direction[0] * x + direction[1] * y))
+    }
+
     /// Whether all that is known of the point is final: no other window can know more.
     pub fn is_final(&self, point: u32) -> bool {
         self.is_final.as_ref().is_none_or(|flags| flags[point as usize])
@@ -274,6 +287,16 @@ impl Window {
     /// Which points may be seeds; none if all may.
     pub fn seeds(&self) -> Option<&[bool]> {
         self.seeds.as_deref()
+    }
+
+    /// The neighbors of all points, where somebody searched for them already.
+    pub fn neighborhoods(&self) -> Option<&Neighborhoods> {
+        self.neighborhoods.as_ref()
+    }
+
+    /// Keeps the neighbors of all points.
+    pub fn set_neighborhoods(&mut self, neighborhoods: Neighborhoods) {
+        self.neighborhoods = Some(neighborhoods);
     }
 
     /// How many points the spans have, valid or not, halo included.

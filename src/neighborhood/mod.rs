@@ -7,9 +7,11 @@ mod certificate;
 mod curve;
 mod delaunay;
 mod grid;
+mod neighborhoods;
 mod search;
 
 pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
 pub use grid::{Grid, Neighbor};
+pub use neighborhoods::{Neighborhoods, support};
 pub use search::Search;

@@ -1,0 +1,79 @@
+//! Region growing whatever the order: components of the graph over smooth points.
+//!
+//! 1. A point is *smooth* if it has a normal and its curvature is low, *rough* if it has a normal only.
+//! 2. Two smooth points are joined if one is a neighbor of the other, their normals are alike, and each lies on the
+//!    other's tangent plane.
+//! 3. A rough point goes to the nearest smooth point of its neighbors whose normal is like its own, at equal distance to
+//!    the one with the smaller point id. As with PCL it joins a region, but no region grows on from it.
+//!
+//! A window decides what is final: it joins a pair q ∈ N(p) if N(p) is final and the features of both are. N(q) need not be,
+//! since one direction suffices. A rough point is decided if N(p) and the features of all in it are final.
+
+use super::surface::Surface;
+use super::{Neighbors, Segmented};
+use crate::label::Labels;
+use crate::union_find::UnionFind;
+use crate::window::Window;
+
+/// What a window knows of a point by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Smooth,
+    Rough,
+    WithoutNormal,
+    /// Its features may change with what is seen later.
+    Unknown,
+}
+
+impl Kind {
+    fn of(point: u32, window: &Window, surface: &Surface) -> Kind {
+        if !window.is_final(point) {
+            Kind::Unknown
+        } else if !surface.has_normal(point) {
+            Kind::WithoutNormal
+        } else if surface.is_smooth(point) {
+            Kind::Smooth
+        } else {
+            Kind::Rough
+        }
+    }
+}
+
+pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbors) -> Segmented {
+    let points = window.points().len() as u32;
+    let kinds: Vec<Kind> = (0..points).map(|point| Kind::of(point, window, surface)).collect();
+    let kind = |point: u32| kinds[point as usize];
+    let mut sets = UnionFind::new(points as usize);
+    // The points that have a segment, and a smooth point of it.
+    let (mut labelled, mut members) = (Vec::new(), Vec::new());
+    let mut undecided = 0;
+    for point in 0..points {
+        let mut is_decided = kind(point) != Kind::Unknown;
+        if let Kind::Smooth | Kind::Rough = kind(point) {
+            let (found, support) = neighbors.of(point);
+            is_decided = window.holds(&window.points()[point as usize], support);
+            let mut alike =
+                found.iter().copied().filter(|&other| kind(other) == Kind::Smooth && surface.is_alike(point, other));
+            if kind(point) == Kind::Smooth {
+                labelled.push(point);
+                members.push(point);
+                if is_decided {
+                    alike
+                        .filter(|&other| surface.is_on_plane(other, point) && surface.is_on_plane(point, other))
+                        .for_each(|other| sets.union(point, other));
+                }
+            } else {
+                is_decided &= found.iter().all(|&other| kind(other) != Kind::Unknown);
+                if let Some(nearest) = alike.next().filter(|_| is_decided) {
+                    labelled.push(point);
+                    members.push(nearest);
+                }
+            }
+        }
+        undecided += u64::from(!is_decided && window.is_own(&window.points()[point as usize]));
+    }
+    let representatives = sets.into_representatives();
+    let of_labelled = members.iter().map(|&member| representatives[member as usize]);
+    let labels = Labels::from_representatives(of_labelled, points as usize).spread(&labelled, points as usize);
+    Segmented { undecided, ..labels.into() }
+}
