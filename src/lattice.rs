@@ -68,11 +68,6 @@ impl Lattice {
         if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
     }
 
-    /// Steps of [`Self::horizontal`] per unit of the coordinates.
-    pub(crate) fn per_horizontal(&self) -> f64 {
-        if self.whole && self.scale[0] == self.scale[1] { 1.0 / self.scale[0] } else { 1.0 }
-    }
-
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
     /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]
@@ -81,6 +76,11 @@ impl Lattice {
         // At such a size only zero is meant, and triangulators refuse it. Adding zero makes 0 of −0.
         let flat = |c: f64| if c.abs() < SMALLEST_COORDINATE { 0.0 } else { c + 0.0 };
         [flat(point[0] * scale[0]), flat(point[1] * scale[1])]
+    }
+
+    /// The length of 1 in [horizontal](Self::horizontal) coordinates, in units of the coordinates.
+    pub(crate) fn horizontal_unit(&self) -> f64 {
+        if self.scale[0] == self.scale[1] { self.scale[0] } else { 1.0 }
     }
 }
 

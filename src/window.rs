@@ -238,28 +238,18 @@ impl Window {
     /// Makes the part of the map smaller by `margin`, in units of the coordinates, wherever it has a border, because
     /// beyond that something about the points is not final.
     pub fn shrink(&mut self, margin: f64) {
-        let margin = margin * self.lattice.per_horizontal();
-        if let Some(extent) = &mut self.extent {
-            extent.low += margin;
-            extent.high -= margin;
-        }
+        self.extent = self.extent.map(|extent| extent.shrunk(margin, &self.lattice));
     }
 
     /// Whether everything within `radius` of `point` on the map, in units of the coordinates, has been loaded. Without an
     /// extent nothing is known, and everything counts as loaded.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
-        let Some(Extent { direction, low, high }) = self.extent else { return true };
-        let [x, y] = self.lattice.horizontal(point);
-        let (along, radius) = (direction[0] * x + direction[1] * y, radius * self.lattice.per_horizontal());
-        // The borders are exact on a lattice; elsewhere rounding must not make more of the window than there is.
-        let slack = (along.abs() + radius) * ROUNDING;
-        (low == f64::NEG_INFINITY || along - radius >= low + slack)
-            && (high == f64::INFINITY || along + radius <= high - slack)
+        self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
     }
 
     /// Whether a place is among the window's own spans, not in its halo.
     pub fn is_own(&self, point: &[f64; 3]) -> bool {
-        let Some(Extent { direction, low, high }) = extent_of(self.own_spans()) else { return true };
+        let Some(Extent { direction, low, high, .. }) = extent_of(self.own_spans()) else { return true };
         let [x, y] = self.lattice.horizontal(point);
         (low..high).contains(&(direction[0] * x + direction[1] * y))
     }
@@ -314,9 +304,6 @@ fn count(spans: &[Arc<Span>]) -> usize {
     spans.iter().map(|span| span.len()).sum()
 }
 
-/// Relative slack of positions along a direction.
-const ROUNDING: f64 = 1e-12;
-
 fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {
     let (first, last) = (spans.first()?.extent?, spans.last()?.extent?);
     Some(Extent { high: last.high, ..first })
@@ -359,7 +346,7 @@ impl Slider {
     pub fn with_halo(mut self, halo: Halo) -> Self {
         // Lengths are compared with borders of spans, which rounding may have moved.
         self.halo = match halo {
-            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) * self.lattice.per_horizontal()),
+            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) / self.lattice.horizontal_unit()),
             halo => halo,
         };
         self
