@@ -189,6 +189,14 @@ impl<'a> Neighbors<'a> {
         }
     }
 
+    /// All points, those near each other mostly one after the other.
+    fn order(&self, points: u32) -> Vec<u32> {
+        match self {
+            Neighbors::Kept(_) => (0..points).collect(),
+            Neighbors::Searched { grid, .. } => grid.order().to_vec(),
+        }
+    }
+
     /// The neighbors of `point` in ascending order of (distance, point id), the point itself being the first; and how far
     /// around it something could change them.
     fn of(&mut self, point: u32) -> (&[u32], f64) {

@@ -15,6 +15,9 @@ use crate::label::Labels;
 use crate::union_find::UnionFind;
 use crate::window::Window;
 
+/// No point.
+const NOBODY: u32 = u32::MAX;
+
 /// What a window knows of a point by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -44,10 +47,10 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
     let kinds: Vec<Kind> = (0..points).map(|point| Kind::of(point, window, surface)).collect();
     let kind = |point: u32| kinds[point as usize];
     let mut sets = UnionFind::new(points as usize);
-    // The points that have a segment, and a smooth point of it.
-    let (mut labelled, mut members) = (Vec::new(), Vec::new());
+    // A smooth point of the segment of each point.
+    let mut members = vec![NOBODY; points as usize];
     let mut undecided = 0;
-    for point in 0..points {
+    for point in neighbors.order(points) {
         let mut is_decided = kind(point) != Kind::Unknown;
         if let Kind::Smooth | Kind::Rough = kind(point) {
             let (found, support) = neighbors.of(point);
@@ -55,8 +58,7 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
             let mut alike =
                 found.iter().copied().filter(|&other| kind(other) == Kind::Smooth && surface.is_alike(point, other));
             if kind(point) == Kind::Smooth {
-                labelled.push(point);
-                members.push(point);
+                members[point as usize] = point;
                 if is_decided {
                     alike
                         .filter(|&other| surface.is_on_plane(other, point) && surface.is_on_plane(point, other))
@@ -64,16 +66,18 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
                 }
             } else {
                 is_decided &= found.iter().all(|&other| kind(other) != Kind::Unknown);
-                if let Some(nearest) = alike.next().filter(|_| is_decided) {
-                    labelled.push(point);
-                    members.push(nearest);
+                if is_decided {
+                    members[point as usize] = alike.next().unwrap_or(NOBODY);
                 }
             }
         }
         undecided += u64::from(!is_decided && window.is_own(&window.points()[point as usize]));
     }
-    let representatives = sets.into_representatives();
-    let of_labelled = members.iter().map(|&member| representatives[member as usize]);
-    let labels = Labels::from_representatives(of_labelled, points as usize).spread(&labelled, points as usize);
-    Segmented { undecided, ..labels.into() }
+    Segmented { undecided, ..labels(&members, &sets.into_representatives()).into() }
+}
+
+fn labels(members: &[u32], representatives: &[u32]) -> Labels {
+    let labelled: Vec<u32> = (0..).zip(members).filter(|(_, member)| **member != NOBODY).map(|(i, _)| i).collect();
+    let of_labelled = labelled.iter().map(|&point| representatives[members[point as usize] as usize]);
+    Labels::from_representatives(of_labelled, members.len()).spread(&labelled, members.len())
 }
