@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::attribute::is_same_name;
 use crate::error::{Error, Result};
 use crate::expression::Filter;
-use crate::features::{Feature, Fit, compute};
+use crate::features::{Feature, Fit, compute, compute_and_keep};
 use crate::neighborhood::Search;
 use crate::preprocessing::{Preprocessed, Stage};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
@@ -118,7 +118,14 @@ impl Recipe {
         }
         let (Some(search), false) = (self.search, self.features.is_empty()) else { return };
         let fit = self.ingredients.fit;
-        let computed = compute(window.points(), window.point_ids(), window.lattice(), search, fit, &self.features);
+        let (points, point_ids, lattice) = (window.points(), window.point_ids(), window.lattice());
+        let computed = if self.keeps_neighbors(search) {
+            let (computed, kept) = compute_and_keep(points, point_ids, lattice, search, fit, &self.features);
+            window.set_neighborhoods(kept);
+            computed
+        } else {
+            compute(points, point_ids, lattice, search, fit, &self.features)
+        };
         for (feature, values) in self.features.iter().zip(computed.columns) {
             window.columns_mut().set(feature.name(), values);
         }
@@ -129,6 +136,13 @@ impl Recipe {
             // Now and then one reach for all is less than each point's own, but it says which part of the map is final.
             window.shrink(search.reach());
         }
+    }
+
+    /// Whether the neighbors found for features are those that the segmentor would find: with a filter they are not, since
+    /// features are those of the whole cloud. How many lie within a radius has no limit, and neither has the memory.
+    fn keeps_neighbors(&self, search: Search) -> bool {
+        let Ingredients { segmentor, filter, .. } = &self.ingredients;
+        segmentor.looks_at_neighbors() && filter.is_none() && matches!(search, Search::Nearest { .. })
     }
 
     /// The positions of the points that take part.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
 use crate::lattice::{Lattice, is_valid};
+use crate::neighborhood::Neighborhoods;
 use crate::span::{Extent, Span};
 
 /// How many spans a window has and how many of them it shares with the next.
@@ -89,6 +90,8 @@ pub struct Window {
     is_final: Option<Vec<bool>>,
     /// Which points may be seeds, where some may not.
     seeds: Option<Vec<bool>>,
+    /// The neighbors of all points, where they were kept.
+    neighborhoods: Option<Neighborhoods>,
 }
 
 impl Window {
@@ -125,6 +128,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         };
         if window.points.iter().all(is_valid) {
             return window;
@@ -152,6 +156,7 @@ impl Window {
             }),
             is_final: self.is_final.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
             seeds: self.seeds.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
+            neighborhoods: self.neighborhoods.as_ref().map(|all| all.restricted(kept)),
         }
     }
 
@@ -170,6 +175,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         }
     }
 
@@ -232,17 +238,20 @@ impl Window {
     /// Makes the part of the map smaller by `margin`, in units of the coordinates, wherever it has a border, because
     /// beyond that something about the points is not final.
     pub fn shrink(&mut self, margin: f64) {
-        let margin = margin / self.lattice.horizontal_unit();
-        if let Some(extent) = &mut self.extent {
-            extent.low += margin;
-            extent.high -= margin;
-        }
+        self.extent = self.extent.map(|extent| extent.shrunk(margin, &self.lattice));
     }
 
     /// Whether every point of the cloud within `radius` (in units of the coordinates) of `point` on the map is in this
     /// window. Where spans are cut in stream order nothing is known, and it counts as true.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
         self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
+    }
+
+    /// Whether a place is among the window's own spans, not in its halo.
+    pub fn is_own(&self, point: &[f64; 3]) -> bool {
+        let Some(Extent { direction, low, high, .. }) = extent_of(self.own_spans()) else { return true };
+        let [x, y] = self.lattice.horizontal(point);
+        (low..high).contains(&(direction[0] * x + direction[1] * y))
     }
 
     /// Whether all that is known of the point is final: no other window can know more.
@@ -268,6 +277,16 @@ impl Window {
     /// Which points may be seeds; none if all may.
     pub fn seeds(&self) -> Option<&[bool]> {
         self.seeds.as_deref()
+    }
+
+    /// The neighbors of all points, where somebody searched for them already.
+    pub fn neighborhoods(&self) -> Option<&Neighborhoods> {
+        self.neighborhoods.as_ref()
+    }
+
+    /// Keeps the neighbors of all points.
+    pub fn set_neighborhoods(&mut self, neighborhoods: Neighborhoods) {
+        self.neighborhoods = Some(neighborhoods);
     }
 
     /// How many points the spans have, valid or not, halo included.

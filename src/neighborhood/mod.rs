@@ -10,9 +10,11 @@ mod curve;
 mod delaunay;
 mod grid;
 mod nearest;
+mod neighborhoods;
 mod search;
 
 pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
 pub use grid::{Grid, Neighbor};
+pub use neighborhoods::{Neighborhoods, support};
 pub use search::Search;

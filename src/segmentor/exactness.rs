@@ -88,6 +88,7 @@ impl Exactness {
         match self {
             Exactness::WithHalo { halo, .. } if halo == f64::INFINITY => Halo::Span,
             Exactness::WithHalo { halo, .. } if halo > 0.0 => Halo::Length(halo),
+            Exactness::Measured { reach } if reach == f64::INFINITY => Halo::Span,
             Exactness::Measured { reach } if reach > 0.0 => Halo::Length(reach),
             _ => Halo::None,
         }

@@ -5,9 +5,11 @@
 
 mod exactness;
 mod proximity;
+mod region_growing;
 
 pub use exactness::{Assessment, Exactness, Layout};
 pub use proximity::Proximity;
+pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
 use std::ops::Range;
 
@@ -104,6 +106,12 @@ pub trait Segmentor: Send + Sync {
     /// The neighborhood from which features are computed that it, or a filter before it, needs and the cloud does not have.
     fn neighborhood(&self) -> Option<Search> {
         None
+    }
+
+    /// Whether it looks at the nearest neighbors itself, so that they are worth keeping where features were computed from
+    /// them.
+    fn looks_at_neighbors(&self) -> bool {
+        false
     }
 
     /// One label for each of [`Window::points`].

@@ -52,10 +52,25 @@ impl Extent {
         if let Some(step) = self.step {
             let radius = whole_steps(radius, step).unwrap_or(radius / step);
             let steps = |length: f64| (length / step).round();
-            return steps(along - self.low) >= radius && steps(self.high - along) > radius;
+            return steps(along - self.low) >= radius
+                && (self.high == f64::INFINITY || steps(self.high - along) > radius);
         }
         let off = self.rounding(point, lattice) + radius * RADIUS_SLACK;
-        along - self.low >= radius + off && self.high - along > radius + off
+        along - self.low >= radius + off && (self.high == f64::INFINITY || self.high - along > radius + off)
+    }
+
+    /// The part whose points have everything within `margin` (in units of the coordinates) inside.
+    pub(crate) fn shrunk(self, margin: f64, lattice: &Lattice) -> Self {
+        let margin = margin / lattice.horizontal_unit();
+        let [low, high] = match self.step {
+            // Points lie on whole steps, and the borders have to stay there too.
+            Some(step) => match whole_steps(margin, step) {
+                Some(steps) => [steps * step; 2],
+                None => [(margin / step).ceil() * step, (margin / step).floor() * step],
+            },
+            None => [margin * (1.0 + RADIUS_SLACK); 2],
+        };
+        Self { low: self.low + low, high: self.high - high, ..self }
     }
 
     /// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
@@ -206,7 +221,13 @@ mod tests {
             }
             assert!(!extent.holds(&[begin - 1.0, 7.0, 3.0], 0.3, &lattice));
             assert!(!extent.holds(&[begin + steps, 7.0, 3.0], 0.3, &lattice));
-            assert!(slab.extent(None, None, &lattice).holds(&[begin, 7.0, 3.0], 1e9, &lattice));
+            assert!(slab.extent(None, None, &lattice).holds(&[begin, 7.0, 3.0], f64::INFINITY, &lattice));
+            // Within a step of 0.104: the border of what holds a disc is the first whole step inside.
+            let smaller = extent.shrunk(0.104, &lattice);
+            for x in -steps as i64..2 * steps as i64 {
+                let at = [begin + x as f64, 0.0, 0.0];
+                assert_eq!(smaller.holds(&at, 0.0, &lattice), extent.holds(&at, 0.104, &lattice), "{scale:?} {x}");
+            }
         }
     }
 
@@ -217,6 +238,7 @@ mod tests {
         let holds = |x: f64| extent.holds(&[x, 4e5, 100.0], 1.0, &Lattice::REAL);
         assert!(holds(5_000_001.000_001) && holds(5_000_001.999_999));
         assert!(!holds(5_000_001.0) && !holds(5_000_002.0));
+        assert!(slab.extent(None, None, &Lattice::REAL).holds(&[0.0; 3], f64::INFINITY, &Lattice::REAL));
     }
 
     #[test]
