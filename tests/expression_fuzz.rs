@@ -3,7 +3,7 @@
 //!
 //! `STREAMSEG_CRITERIA` is the number of texts; 40 000 is the normal amount.
 #![cfg(not(loom))]
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::panic::catch_unwind;
 use std::time::{Duration, Instant};
@@ -24,14 +24,91 @@ const VALID: &[&str] = &[
 ];
 
 const TOKENS: &[&str] = &[
-    "0", "1", "2.5", ".5", "1e3", "1e-300", "1e308", "9e999", "255", "Z", "n[0].Z", "n[1].Z", "n[0].", "X", "Intensity",
-    "Classification", "_a", "[b c]", "[", "]", "(", ")", "(", ")", "+", "-", "*", "/", "%", "^", "<", "<=", ">", ">=",
-    "==", "=", "!=", "<>", "and", "AND", "&&", "or", "||", "not", "!", "?", ":", ",", "true", "false", "invalid", "pi",
-    "dist", "dist2d", "dz", "angle", "abs(", "min(", "pow(", "atan2(", "valid(", "nan()", "lowest()", "Region[",
-    "Class[", "Generic[", "Ground", " ", "\t", "\n", "ü", "𝄞", "\u{0}", "\u{301}", "&", "|", "'", "\"", "`", ".", "e5", "foo(",
+    "0",
+    "1",
+    "2.5",
+    ".5",
+    "1e3",
+    "1e-300",
+    "1e308",
+    "9e999",
+    "255",
+    "Z",
+    "n[0].Z",
+    "n[1].Z",
+    "n[0].",
+    "X",
+    "Intensity",
+    "Classification",
+    "_a",
+    "[b c]",
+    "[",
+    "]",
+    "(",
+    ")",
+    "(",
+    ")",
+    "+",
+    "-",
+    "*",
+    "/",
+    "%",
+    "^",
+    "<",
+    "<=",
+    ">",
+    ">=",
+    "==",
+    "=",
+    "!=",
+    "<>",
+    "and",
+    "AND",
+    "&&",
+    "or",
+    "||",
+    "not",
+    "!",
+    "?",
+    ":",
+    ",",
+    "true",
+    "false",
+    "invalid",
+    "pi",
+    "dist",
+    "dist2d",
+    "dz",
+    "angle",
+    "abs(",
+    "min(",
+    "pow(",
+    "atan2(",
+    "valid(",
+    "nan()",
+    "lowest()",
+    "Region[",
+    "Class[",
+    "Generic[",
+    "Ground",
+    " ",
+    "\t",
+    "\n",
+    "ü",
+    "𝄞",
+    "\u{0}",
+    "\u{301}",
+    "&",
+    "|",
+    "'",
+    "\"",
+    "`",
+    ".",
+    "e5",
+    "foo(",
 ];
 
-/// SplitMix64, as in the scenes: the same numbers on every machine.
+/// `SplitMix64`, as in the scenes: the same numbers on every machine.
 struct Random(u64);
 
 impl Random {
@@ -131,7 +208,8 @@ fn nested(random: &mut Random) -> String {
     let count = random.below(most);
     let (before, after) = (random.pick(TOKENS), random.pick(TOKENS));
     let other = random.pick(TOKENS);
-    let pairs = [("(", ")"), ("abs(", ")"), ("Generic[", "]"), ("-", ""), ("!", ""), ("1^", ""), ("true?1:", ""), ("", "+1")];
+    let pairs =
+        [("(", ")"), ("abs(", ")"), ("Generic[", "]"), ("-", ""), ("!", ""), ("1^", ""), ("true?1:", ""), ("", "+1")];
     let (before, after) = if random.below(2) == 0 { pairs[random.below(pairs.len())] } else { (before, after) };
     let glue = random.pick(&["", " "]);
     format!("{}{other}{}", format!("{before}{glue}").repeat(count), format!("{glue}{after}").repeat(count))
@@ -219,7 +297,12 @@ fn no_text_makes_the_language_panic_or_hang() {
     });
     let read: usize = results.iter().map(|result| result.0).sum();
     let slowest = results.into_iter().map(|result| result.1).max().unwrap();
-    println!("{texts} texts, {read} of them read, in {:.1} s; slowest {:?}: {:?}", start.elapsed().as_secs_f64(), slowest.0, slowest.1);
+    println!(
+        "{texts} texts, {read} of them read, in {:.1} s; slowest {:?}: {:?}",
+        start.elapsed().as_secs_f64(),
+        slowest.0,
+        slowest.1
+    );
     assert!(read > texts / 20, "too few of the texts could be read to be worth the search: {read}");
     assert!(slowest.0 < Duration::from_secs(2), "{slowest:?}");
 }

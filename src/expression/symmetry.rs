@@ -314,7 +314,7 @@ impl Forms {
                 let divisor = numbers.next()?;
                 self.quotient(first, divisor)?
             }
-            O::Power => self.power(first, &numbers.next()?)?,
+            O::Power => self.power(&first, &numbers.next()?)?,
             O::Remainder => {
                 let (a, sign) = self.unsigned(first)?;
                 let (b, _) = self.unsigned(numbers.next()?)?;
@@ -391,7 +391,7 @@ impl Forms {
         self.product(a, inverse)
     }
 
-    fn power(&mut self, base: Sum, exponent: &Sum) -> Option<Sum> {
+    fn power(&mut self, base: &Sum, exponent: &Sum) -> Option<Sum> {
         let times = exponent.constant;
         if exponent.is_constant() && times.fract() == 0.0 && (1.0..=MOST_FACTORS as f64).contains(&times) {
             let mut result = base.clone();
@@ -400,7 +400,7 @@ impl Forms {
             }
             return Some(result);
         }
-        let operands = vec![self.number(&base), self.number(exponent)];
+        let operands = vec![self.number(base), self.number(exponent)];
         Some(Sum::atom(self.id(Form::Function("pow", operands))))
     }
 
@@ -424,7 +424,7 @@ impl Forms {
 
     fn of_two(&mut self, name: &'static str, a: Sum, b: Sum) -> Option<Sum> {
         let operands = match name {
-            "pow" => return self.power(a, &b),
+            "pow" => return self.power(&a, &b),
             "hypot" => {
                 let mut operands = vec![self.unsigned(a)?.0, self.unsigned(b)?.0];
                 operands.sort_unstable();
@@ -449,7 +449,7 @@ impl Forms {
 /// So many pairs are tried out.
 const TRIALS: usize = 2000;
 
-/// Numbers that look random and are always the same (Steele, Lea and Flood, 2014: SplitMix64).
+/// Numbers that look random and are always the same (Steele, Lea and Flood, 2014: `SplitMix64`).
 struct Random(u64);
 
 impl Random {
