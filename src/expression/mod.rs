@@ -23,10 +23,13 @@ mod parse;
 mod problem;
 mod program;
 mod region;
+mod symmetry;
 mod tree;
 
 use crate::attribute::is_same_name;
 use crate::error::Result;
+pub use symmetry::Symmetry;
+
 use problem::{Kind, mistake, suggestion};
 use program::Program;
 use tree::{Node, Tree};
@@ -162,6 +165,11 @@ impl Criterion {
     /// Whether it holds for every pair, whatever the attributes are.
     pub fn is_always_true(&self) -> bool {
         matches!(self.0.tree.nodes[self.0.tree.root], Node::Truth(true))
+    }
+
+    /// Whether it is the same from either end. Takes up to some milliseconds.
+    pub fn symmetry(&self) -> Symmetry {
+        Symmetry::of(&self.0.tree)
     }
 }
 
