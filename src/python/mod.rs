@@ -31,7 +31,9 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyProximity, PyRecipe, PySegmentor, PyWindow};
+    use super::segmentors::{PyConditionalClustering, PyProximity, PyRegionGrowing};
+    #[pymodule_export]
+    use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]
     use super::spans::default_spans;
     #[pymodule_export]

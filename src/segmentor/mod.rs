@@ -3,10 +3,12 @@
 //! A segmentor sees the points of one window and nothing else: no other window, no segment ids, no other segmentor.
 //! Adding one is one file here and one line in this list.
 
+mod conditional_clustering;
 mod exactness;
 mod proximity;
 mod region_growing;
 
+pub use conditional_clustering::ConditionalClustering;
 pub use exactness::{Assessment, Exactness, Layout};
 pub use proximity::Proximity;
 pub use region_growing::{Curvature, Form, Growth, RegionGrowing};

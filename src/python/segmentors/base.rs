@@ -70,12 +70,7 @@ impl Options {
         }
         let size = |name| given.get_item(name)?.map(|size| count(name, &size)).transpose();
         let text = |name: &str| -> PyResult<Option<String>> {
-            given
-                .get_item(name)?
-                .filter(|text| !text.is_none())
-                .map(|text| text.extract())
-                .transpose()
-                .map_err(PyErr::from)
+            given.get_item(name)?.filter(|text| !text.is_none()).map(|text| text.extract()).transpose()
         };
         let min = size("min_segment_size")?.flatten().unwrap_or(smallest);
         Ok(Self {
@@ -107,7 +102,7 @@ impl PySegmentor {
         given: Option<&Bound<'_, PyDict>>,
         smallest: usize,
     ) -> PyResult<Self> {
-        let given = given.map_or_else(|| Ok(PyDict::new(arguments.py())), |given| given.copy())?;
+        let given = given.map_or_else(|| Ok(PyDict::new(arguments.py())), pyo3::types::PyDictMethods::copy)?;
         let options = Options::read(&given, class, smallest)?;
         Ok(Self { core: Arc::new(core), options, arguments: arguments.unbind(), given: given.unbind() })
     }
@@ -171,7 +166,7 @@ impl PySegmentor {
     fn __eq__(slf: &Bound<'_, Self>, other: &Bound<'_, PyAny>) -> PyResult<bool> {
         let Ok(same) = other.cast::<Self>() else { return Ok(false) };
         let py = slf.py();
-        Ok(slf.get_type().is(&other.get_type()) && slf.get().everything(py)?.eq(same.get().everything(py)?)?)
+        Ok(slf.get_type().is(other.get_type()) && slf.get().everything(py)?.eq(same.get().everything(py)?)?)
     }
 
     fn __hash__(slf: &Bound<'_, Self>) -> PyResult<u64> {

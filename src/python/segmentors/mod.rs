@@ -1,16 +1,20 @@
 //! Segmentors as Python objects: the built-in ones, one class each, and the adapter for what users bring.
 
 mod base;
+mod conditional_clustering;
 mod foreign;
 mod proximity;
+mod region_growing;
 
 use std::sync::Arc;
 
 use pyo3::prelude::*;
 
 pub use base::PySegmentor;
+pub use conditional_clustering::PyConditionalClustering;
 pub use foreign::PyWindow;
 pub use proximity::PyProximity;
+pub use region_growing::PyRegionGrowing;
 
 use crate::error::Result;
 use crate::preprocessing::Stage;
