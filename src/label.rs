@@ -1,6 +1,7 @@
 //! Labels, which mean something inside one window, and segment ids, which mean the same along the whole stream.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// A number that means the same along the whole stream: from 1 upward in window order, never reused.
 pub type SegmentId = i64;
@@ -53,6 +54,26 @@ impl Labels {
         self.count as usize
     }
 
+    /// The labels of the points in `points` only, in their own canonical numbering; and of each new label the one it was,
+    /// so that what is known per label can follow: `old.iter().map(|&label| known[label as usize])`.
+    ///
+    /// # Panics
+    /// If `points` reaches beyond the last point.
+    pub fn keep(&self, points: Range<usize>) -> (Self, Vec<u32>) {
+        let mut number = vec![NONE as i32; self.count()];
+        let mut old = Vec::new();
+        let renumber = |&label: &i32| {
+            let Some(number) = number.get_mut(label as usize) else { return NONE as i32 };
+            if *number == NONE as i32 {
+                *number = old.len() as i32;
+                old.push(label as u32);
+            }
+            *number
+        };
+        let of_point = self.of_point[points].iter().map(renumber).collect();
+        (Self { of_point, count: old.len() as u32 }, old)
+    }
+
     /// Spreads the labels of some of `points` points over all of them: the others get none.
     pub(crate) fn spread(self, over: &[u32], points: usize) -> Self {
         let mut of_point = vec![NONE as i32; points];
@@ -103,6 +124,17 @@ mod tests {
         assert_eq!(labels.count(), 3);
         let same = Labels::from_representatives([4, 2, 4, 0].into_iter(), 5);
         assert_eq!(same.of_points(), [0, 1, 0, 2]);
+    }
+
+    #[test]
+    fn labels_of_a_range_are_numbered_anew_and_tell_what_they_were() {
+        let labels = Labels::from_any(&[7, 8, 9, NONE, 9, 8, 5]);
+        let (kept, old) = labels.keep(2..6);
+        assert_eq!(kept, Labels::from_any(&[9, NONE, 9, 8]));
+        assert_eq!(old, [2, 1]);
+        assert_eq!(labels.keep(0..7), (labels.clone(), vec![0, 1, 2, 3]));
+        assert_eq!(labels.keep(3..4), (Labels::from_any(&[NONE]), vec![]));
+        assert_eq!(Labels::from_any(&[]).keep(0..0).0.count(), 0);
     }
 
     #[test]
