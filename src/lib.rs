@@ -52,6 +52,7 @@ pub mod pipeline;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;
+pub mod size;
 pub mod span;
 pub mod union_find;
 pub mod weaver;
