@@ -84,11 +84,11 @@ pub struct LabelledWindow<'a> {
     pub seeded: Option<&'a [bool]>,
     /// Asked once for each segment of an earlier window and each label of this that share points; where it says no they
     /// are not a pair. None = sharing points is enough.
-    pub agrees: Option<&'a Agreement>,
+    pub agrees: Option<&'a Agreement<'a>>,
 }
 
 /// Whether a segment in scope and a label of the window agree to be one; the answer depends on the two alone.
-pub type Agreement = dyn Fn(SegmentId, i32) -> bool + Sync;
+pub type Agreement<'a> = dyn Fn(SegmentId, i32) -> bool + Sync + 'a;
 
 /// What is known of a span when it goes out of scope.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -135,7 +135,7 @@ mod tests {
             let mut ids: Vec<i64> = (0..windows).flat_map(|w| (2..6).map(move |k| k + 4 * w)).collect();
             log.resolve(&mut ids, &selection).unwrap();
             // The ground is the largest, and keeps the number 1.
-            let pair = |w| if sort == Sort::Native { 3 + 4 * w } else { 2 + w };
+            let pair = |w: i64| if sort == Sort::Native { 3 + 4 * w } else { 2 + w };
             assert!(ids.chunks(4).zip(0..).all(|(ids, w)| *ids == [1, pair(w), pair(w), NONE]));
         }
     }
