@@ -20,13 +20,15 @@ from .errors import (
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
-from .stream import Progress, Span, Stream, segment, segment_static, stream
+from .run import segment, segment_static, stream
+from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
     "FileError",
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "LeftOut",
     "MissingExtra",
     "Outcome",
     "OutputExists",

@@ -8,6 +8,7 @@ mod errors;
 mod history;
 mod scenes;
 mod segmentors;
+mod selection;
 mod spans;
 mod stream;
 
