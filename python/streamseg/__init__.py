@@ -6,7 +6,9 @@
 
 from . import scenes
 from ._core import (
+    ConditionalClustering,
     Proximity,
+    RegionGrowing,
     Segmentor,
     SpanByCount,
     SpanByScanLine,
@@ -31,18 +33,22 @@ from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
-from .stream import Progress, Span, Stream, segment, segment_static, stream
+from .run import segment, segment_static, stream
+from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
+    "ConditionalClustering",
     "FileError",
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "LeftOut",
     "MissingExtra",
     "Outcome",
     "OutputExists",
     "Progress",
     "Proximity",
+    "RegionGrowing",
     "Segmentor",
     "SegmentorError",
     "Span",

@@ -10,6 +10,7 @@ mod history;
 mod scenes;
 mod searches;
 mod segmentors;
+mod selection;
 mod spans;
 mod stream;
 

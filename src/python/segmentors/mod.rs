@@ -20,15 +20,12 @@ use crate::error::Result;
 use crate::preprocessing::Stage;
 use crate::recipe::{Ingredients, Recipe};
 use crate::segmentor::Segmentor;
-use crate::size::{SizeLimits, Sort};
 use base::Options;
 
 /// A segmentor with all that is done before it, for a cloud whose attributes are known.
 #[pyclass(frozen, name = "Recipe", module = "streamseg._core")]
 pub struct PyRecipe {
     pub(super) segmentor: Arc<dyn Segmentor>,
-    pub(super) limits: SizeLimits,
-    pub(super) sort: Sort,
     /// The attributes of the cloud that are read.
     #[pyo3(get)]
     reads: Vec<String>,
@@ -44,10 +41,9 @@ impl PyRecipe {
             Ok(built_in) => (Arc::clone(&built_in.get().core), built_in.get().options.clone()),
             Err(_) => (Arc::new(foreign::Foreign::new(segmentor)?) as Arc<dyn Segmentor>, Options::none()),
         };
-        let (limits, sort) = (options.limits, options.sort);
         let segmentor = prepared(core, options, Vec::new(), &available, has_more)?;
         let reads = segmentor.reads();
-        Ok(Self { segmentor, limits, sort, reads })
+        Ok(Self { segmentor, reads })
     }
 }
 
