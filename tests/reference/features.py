@@ -1,14 +1,14 @@
 """Features of points, neighborhood by neighborhood with NumPy's own decompositions.
 
 Neighbors are ordered as the core orders them, by distance in whole lattice steps and then by number; all else is done
-another way: planes by singular values of the offsets, quadrics by `lstsq` from the point itself, principal curvatures as
-eigenvalues of the shape operator.
+another way: planes by singular values of the offsets, quadrics by `lstsq` from the point itself, principal curvatures
+as eigenvalues of the shape operator.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,24 @@ Numbers = NDArray[np.int64]
 # Relative to the largest: where eigenvalues are no farther apart, a normal is as good as another.
 APART = 1e-6
 
-PLANE = (
-    "NormalX NormalY NormalZ NormalSigma0 NormalEigenvalue1 NormalEigenvalue2 NormalEigenvalue3 Linearity Planarity "
-    "Sphericity Omnivariance Anisotropy Eigenentropy SurfaceVariation Verticality NeighborCount"
-).split()
+PLANE = [
+    "NormalX",
+    "NormalY",
+    "NormalZ",
+    "NormalSigma0",
+    "NormalEigenvalue1",
+    "NormalEigenvalue2",
+    "NormalEigenvalue3",
+    "Linearity",
+    "Planarity",
+    "Sphericity",
+    "Omnivariance",
+    "Anisotropy",
+    "Eigenentropy",
+    "SurfaceVariation",
+    "Verticality",
+    "NeighborCount",
+]
 CURVATURE = ["MeanCurvature", "GaussianCurvature", "MaxCurvature", "MinCurvature"]
 
 
@@ -39,7 +53,7 @@ class Twin(NamedTuple):
     """How far the least independent term of a quadric is from the others; the core's limit is 1e-6."""
 
 
-def nearest(points: Reals, queries: Iterable[int], k: int, axes: int = 3) -> Iterator[Numbers]:
+def nearest(points: NDArray[Any], queries: Iterable[int], k: int, axes: int = 3) -> Iterator[Numbers]:
     """Yield the k nearest of each query, itself first, then by (distance, number)."""
     tree = cKDTree(points[:, :axes])
     for query in queries:
@@ -49,7 +63,12 @@ def nearest(points: Reals, queries: Iterable[int], k: int, axes: int = 3) -> Ite
 
 
 def around(
-    points: Reals, queries: Iterable[int], radius: float, axes: int = 3, low: float = -np.inf, high: float = np.inf
+    points: NDArray[Any],
+    queries: Iterable[int],
+    radius: float,
+    axes: int = 3,
+    low: float = -np.inf,
+    high: float = np.inf,
 ) -> Iterator[Numbers]:
     """Yield all points within a radius, and `low` to `high` above, in the order of `nearest`; all lengths in steps."""
     tree = cKDTree(points[:, :axes])
@@ -115,8 +134,9 @@ def design(xy: Reals) -> Reals:
 def independence(xy: Reals) -> float:
     """Tell what the least independent term keeps of its sum of squares when the terms before it are taken out."""
     terms = design(xy)
-    triangle = np.linalg.qr(terms, mode="r")
-    return float(np.min(np.diag(triangle) ** 2 / (terms**2).sum(axis=0)))
+    whole = (terms**2).sum(axis=0)
+    kept = np.diag(np.linalg.qr(terms, mode="r")) ** 2
+    return float(np.min(kept / np.where(whole > 0, whole, np.inf)))
 
 
 def curvatures(offsets: Reals, axes: Reals) -> tuple[float, float, float, float]:
