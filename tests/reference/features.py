@@ -17,8 +17,10 @@ from scipy.spatial import cKDTree
 Reals = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-# Relative to the largest: where eigenvalues are no farther apart, a normal is as good as another.
+# Relative to the largest: where the smaller eigenvalues are no farther apart, rounding turns the normal by more than
+# 1e-10, and, in a neighborhood so long and narrow, curvatures by more than 1e-9.
 APART = 1e-6
+WIDE = 1e-4
 
 PLANE = [
     "NormalX",
@@ -49,6 +51,8 @@ class Twin(NamedTuple):
     """Largest standard deviation of the neighbors."""
     is_apart: bool
     """Whether the normal is determined."""
+    is_wide: bool
+    """Whether curvatures are determined as well as the normal."""
     pivot: float
     """How far the least independent term of a quadric is from the others; the core's limit is 1e-6."""
 
@@ -91,7 +95,7 @@ def features(offsets: Reals) -> Twin:
     values = dict.fromkeys([*PLANE, *CURVATURE], np.nan)
     values["NeighborCount"] = n
     if n < 3:
-        return Twin(values, 0.0, False, 0.0)
+        return Twin(values, 0.0, False, False, 0.0)
     mean = offsets.mean(axis=0)
     singular, axes = np.linalg.svd(offsets - mean, full_matrices=True)[1:]
     a, b, c = eigenvalues = singular**2 / n
@@ -108,7 +112,7 @@ def features(offsets: Reals) -> Twin:
             "Eigenentropy": -np.sum(share[share > 0] * np.log(share[share > 0])),
         }
     if b <= 1e-12 * a:
-        return Twin(values, a**0.5, False, 0.0)
+        return Twin(values, a**0.5, False, False, 0.0)
     normal = upward(axes[2])
     values |= zip(("NormalX", "NormalY", "NormalZ"), normal, strict=True)
     values["Verticality"] = 1 - abs(normal[2])
@@ -116,11 +120,12 @@ def features(offsets: Reals) -> Twin:
     pivot = independence((offsets - mean) @ axes[:2].T / np.sqrt(eigenvalues[:2])) if n >= 6 else 0.0
     if pivot > 1e-6:
         values |= zip(CURVATURE, curvatures(offsets, np.array([axes[0], axes[1], normal])), strict=True)
-    return Twin(values, a**0.5, bool(b - c > APART * a), pivot)
+    return Twin(values, a**0.5, bool(b - c > APART * a), bool(b - c > WIDE * a), pivot)
 
 
 def upward(normal: Reals) -> Reals:
-    """Turn a normal to z > 0, else y > 0, else x > 0."""
+    """Turn a normal to z > 0, else y > 0, else x > 0; what is below 1e-12 is 0."""
+    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
     leading = [c for c in normal[::-1] if c != 0]
     return normal * np.sign(leading[0])
 
