@@ -1,8 +1,8 @@
 //! A tree, bound to columns, as a flat list of steps over a small stack: no look-ups, no allocation, no recursion.
 
 use super::operation::{Kernel, Operation, finite};
-use super::parse::DEEPEST;
 use super::region::Region;
+use super::syntax::DEEPEST;
 use super::tree::{Classes, Node, NodeId, PairVariable, Side, Tree};
 use super::{Columns, Pair};
 
@@ -96,7 +96,7 @@ impl<'a> Program<'a> {
                 }
                 Step::Class(side, class) => {
                     let (classes, column) = &**class;
-                    f64::from(u8::from(holds(classes, column[of(*side, point, neighbor)])))
+                    f64::from(u8::from(holds_class(classes, column[of(*side, point, neighbor)])))
                 }
                 Step::One(compute) => {
                     top = compute(top);
@@ -146,7 +146,7 @@ fn of(side: Side, point: usize, neighbor: usize) -> usize {
     }
 }
 
-fn holds(classes: &Classes, value: f64) -> bool {
+pub(super) fn holds_class(classes: &Classes, value: f64) -> bool {
     let class = value as u8;
     f64::from(class) == value && classes[usize::from(class / 64)] >> (class % 64) & 1 == 1
 }
