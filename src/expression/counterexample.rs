@@ -7,6 +7,9 @@ use super::tree::{Node, PairVariable, Tree};
 /// So many pairs are tried out.
 const TRIALS: usize = 2000;
 
+/// The best of so many examples is shown.
+const EXAMPLES: usize = 50;
+
 /// Numbers that look random and are always the same (Steele, Lea and Flood, 2014: `SplitMix64`).
 struct Random(u64);
 
@@ -52,14 +55,15 @@ pub(super) fn counterexample(tree: &Tree) -> Option<String> {
         let back = program.value(n, p, &Pair::of_offset(offset.map(|d| -d))) != 0.0;
         forth != back
     };
-    // People understand an example without invalid values more easily.
-    let is_plain =
-        |trial: &usize| columns.iter().all(|column| column[2 * trial..2 * trial + 2].iter().all(|v| !v.is_nan()));
-    let trial = (0..TRIALS).filter(is_plain).find(differing).or_else(|| (0..TRIALS).find(differing))?;
-    let offset = position.map(|axis| columns[axis][2 * trial + 1] - columns[axis][2 * trial]);
-    let pair = Pair::of_offset(offset);
-    let holds = program.value(2 * trial, 2 * trial + 1, &pair) != 0.0;
-    Some(describe(tree, &columns, trial, &pair, holds))
+    let example = |trial: usize| {
+        let offset = position.map(|axis| columns[axis][2 * trial + 1] - columns[axis][2 * trial]);
+        let pair = Pair::of_offset(offset);
+        let holds = program.value(2 * trial, 2 * trial + 1, &pair) != 0.0;
+        describe(tree, &columns, trial, &pair, holds)
+    };
+    // People understand short numbers more easily, and examples without invalid values.
+    let examples = (0..TRIALS).filter(differing).take(EXAMPLES).map(example);
+    examples.min_by_key(|example| (example.contains("invalid"), example.len()))
 }
 
 /// Constants of the text: near them a criterion changes its mind.

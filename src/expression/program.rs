@@ -19,7 +19,12 @@ enum Step<'a> {
     Inside(Side, Box<(Region, [&'a [f64]; 2])>),
     Class(Side, Box<(Classes, &'a [f64])>),
     One(fn(f64) -> f64),
+    /// Of the value below and the value at hand.
     Two(fn(f64, f64) -> f64),
+    /// Of the value at hand and this one: in place of two steps where the right operand is that simple.
+    TwoNumber(fn(f64, f64) -> f64, f64),
+    TwoPoint(fn(f64, f64) -> f64, &'a [f64]),
+    TwoNeighbor(fn(f64, f64) -> f64, &'a [f64]),
     /// Skips so many steps if the value at hand is true and stays the result; else drops it.
     OrElse(usize),
     /// Skips so many steps if the value at hand is false and stays the result; else drops it.
@@ -107,6 +112,18 @@ impl<'a> Program<'a> {
                     top = compute(stack[below % N], top);
                     continue;
                 }
+                Step::TwoNumber(compute, value) => {
+                    top = compute(top, *value);
+                    continue;
+                }
+                Step::TwoPoint(compute, column) => {
+                    top = compute(top, finite(column[point]));
+                    continue;
+                }
+                Step::TwoNeighbor(compute, column) => {
+                    top = compute(top, finite(column[neighbor]));
+                    continue;
+                }
                 Step::Skip(steps) => {
                     next += steps;
                     continue;
@@ -188,8 +205,15 @@ fn apply<'a>(operation: Operation, operands: &[NodeId], codes: &mut [Code<'a>]) 
         Kernel::Two(compute) => {
             for part in parts {
                 code.depth = code.depth.max(part.depth + 1);
-                code.steps.extend(part.steps);
-                code.steps.push(Step::Two(compute));
+                match part.steps[..] {
+                    [Step::Number(value)] => code.steps.push(Step::TwoNumber(compute, value)),
+                    [Step::Point(column)] => code.steps.push(Step::TwoPoint(compute, column)),
+                    [Step::Neighbor(column)] => code.steps.push(Step::TwoNeighbor(compute, column)),
+                    _ => {
+                        code.steps.extend(part.steps);
+                        code.steps.push(Step::Two(compute));
+                    }
+                }
             }
         }
         Kernel::Lazy => match (operation, parts.next(), parts.next()) {

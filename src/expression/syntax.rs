@@ -79,6 +79,8 @@ fn expected(text: &str, rules: &[Rule], at: usize) -> String {
         Some('&') => "; 'and' is written and or &&",
         Some('|') => "; 'or' is written or or ||",
         Some('<' | '>' | '=') => "; comparisons are written < <= > >= == !=",
+        Some('*') => "; a power is written ^",
+        Some('.') => "; an attribute of the neighbor is written n[0].Z",
         Some(',') => "; the decimal sign is a point, and commas stand only between what a function is given",
         _ => "",
     };
@@ -125,7 +127,7 @@ fn description(rule: Rule) -> Option<&'static str> {
     Some(match rule {
         Rule::EOI => "the end",
         Rule::expression | Rule::attribute => VALUE,
-        Rule::name => NAME,
+        Rule::name | Rule::quoted_name => NAME,
         Rule::number => "a number",
         Rule::coordinate => "a coordinate",
         Rule::class_name => "a class",
