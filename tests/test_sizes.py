@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from reference.scripts import Script, scripts
 from reference.sizes import Limits
 from reference.weaver import NONE, final_ids, sizes
 from streamseg.cli import app
+from streamseg.description import describe
 
 Ids = NDArray[np.int64]
 
@@ -164,6 +167,24 @@ def test_a_stopped_stream_knows_the_sizes_of_what_has_come(least: int) -> None:
     assert ids.tolist() == [1 if least <= 50 else -1] * 50
 
 
+def test_an_interrupt_after_settling_numbers_nothing_twice() -> None:
+    points = np.repeat(np.arange(12.0), np.arange(12, 0, -1))[:, None] * [10, 0, 0]
+
+    def profile(_: FrameType, event: str, called: Any) -> None:
+        if event == "c_return" and called.__name__ == "settle":
+            sys.setprofile(None)
+            raise KeyboardInterrupt
+
+    with Limits(3, None, "ascending").of_every_run():
+        run = ss.stream(points, ss.Proximity(1.0), result="final")
+        sys.setprofile(profile)
+        with pytest.raises(KeyboardInterrupt):
+            next(run)
+        ids = taken(run)
+    assert np.array_equal(ids, Limits(3, None, "ascending").select(ss.segment(points, ss.Proximity(1.0))))
+    assert run.left_out == (2, 3)
+
+
 def test_limits_are_not_known_before_the_end() -> None:
     run = ss.stream((np.zeros((3, 3)) for _ in range(9)), ss.Proximity(1.0))
     next(run)
@@ -203,6 +224,7 @@ def test_from_file_to_file_and_back_from_the_history(tmp_path: Path) -> None:
         outcome = ss.segment_file(
             tmp_path / "in.npy", tmp_path / "out.npy", ss.Proximity(1.0), history=tmp_path / "run"
         )
+    assert dict(describe(tmp_path / "run"))["sizes"] == "4 to 9 points, in native order"
     assert (outcome.segments, outcome.left_out) == (6, ss.LeftOut(6, 1 + 2 + 3 + 10 + 11 + 12))
     final = ss.segment(points, ss.Proximity(1.0))
     assert len(np.unique(final)) == 12
