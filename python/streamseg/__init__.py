@@ -5,7 +5,17 @@
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
+from ._core import (
+    Dbscan,
+    Proximity,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    WindowPoints,
+    __version__,
+)
 from .errors import (
     FileError,
     InvalidInput,
@@ -23,6 +33,7 @@ from .preview import preview
 from .stream import Progress, Span, Stream, segment, segment_static, stream
 
 __all__ = [
+    "Dbscan",
     "FileError",
     "History",
     "InvalidInput",

@@ -44,6 +44,7 @@ class Graph(str, Enum):
     """Which pairs are looked at."""
 
     delaunay = "delaunay"
+    radius = "radius"
 
 
 class Metric(str, Enum):

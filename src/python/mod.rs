@@ -27,7 +27,7 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyProximity, PyWindow};
+    use super::segmentors::{PyDbscan, PyProximity, PyWindow};
     #[pymodule_export]
     use super::spans::default_spans;
     #[pymodule_export]

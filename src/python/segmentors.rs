@@ -8,23 +8,25 @@ use std::sync::Arc;
 
 use super::arrays::{read_only, real_positions};
 use super::errors::InvalidParameter;
+use super::spans::count;
 use crate::error::{Error, Result};
 use crate::label::{Labels, NONE};
 use crate::lattice::Metric;
-use crate::segmentor::{Exactness, Proximity, Segmentor};
+use crate::segmentor::{Dbscan, Exactness, Graph, Proximity, Segmentor};
 use crate::window::Window;
 
-/// Joins neighbors on the map's Delaunay triangulation that are within a distance.
+/// Joins neighbors that are within a distance: on the map's Delaunay triangulation, or all pairs.
 ///
 /// Source: the demonstration of moving-window segmentation, ISPRS Annals I-3 (2012), section 3.2. Points with equal x
-/// and y are all kept: they are neighbors of each other and of the neighbors of their place.
+/// and y are all kept: they are neighbors of each other and of the neighbors of their place. The radius graph is
+/// Euclidean clustering: Rusu, Semantic 3D Object Maps (2009).
 ///
 /// Parameters
 /// ----------
 /// distance : float
 ///     Greatest length of a kept edge, in units of the coordinates, above 0. A pair at exactly the distance is joined.
-/// graph : {"delaunay"}, default "delaunay"
-///     Which pairs are looked at.
+/// graph : {"delaunay", "radius"}, default "delaunay"
+///     Which pairs are looked at: neighbors in the triangulation of the map, or all.
 /// metric : {"xyz", "xy"}, default "xyz"
 ///     Whether the length is taken in space or on the map.
 ///
@@ -46,15 +48,12 @@ impl PyProximity {
     #[new]
     #[pyo3(signature = (distance, graph = "delaunay", metric = "xyz"))]
     fn new(distance: f64, graph: &str, metric: &str) -> PyResult<Self> {
-        if graph != "delaunay" {
-            return Err(InvalidParameter::new_err(format!("graph is '{graph}', allowed: 'delaunay'")));
-        }
-        let metric = match metric {
-            "xyz" => Metric::Xyz,
-            "xy" => Metric::Xy,
-            _ => return Err(InvalidParameter::new_err(format!("metric is '{metric}', allowed: 'xyz' or 'xy'"))),
+        let graph = match graph {
+            "delaunay" => Graph::Delaunay,
+            "radius" => Graph::Radius,
+            _ => return Err(Error::parameter("graph", format!("'{graph}'"), "'delaunay' or 'radius'").into()),
         };
-        Ok(Self(Proximity::new(distance, metric)?))
+        Ok(Self(Proximity::new(distance, metric_of(metric)?)?.with_graph(graph)))
     }
 
     /// Greatest length of a kept edge, in units of the coordinates.
@@ -63,28 +62,114 @@ impl PyProximity {
         self.0.distance()
     }
 
-    /// Which pairs are looked at.
+    /// Which pairs are looked at: neighbors in the triangulation ("delaunay"), or all ("radius").
     #[getter]
-    #[allow(clippy::unused_self)] // a property of the instance for Python
     fn graph(&self) -> &'static str {
-        "delaunay"
+        match self.0.graph() {
+            Graph::Delaunay => "delaunay",
+            Graph::Radius => "radius",
+        }
     }
 
     /// Whether the length is taken in space ("xyz") or on the map ("xy").
     #[getter]
     fn metric(&self) -> &'static str {
-        match self.0.metric() {
-            Metric::Xyz => "xyz",
-            Metric::Xy => "xy",
-        }
+        name_of(self.0.metric())
     }
 
     fn __getnewargs__(&self) -> (f64, &'static str, &'static str) {
         (self.distance(), self.graph(), self.metric())
     }
 
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        self.__getnewargs__().into_pyobject(py)?.hash()
+    }
+
     fn __repr__(&self) -> String {
-        format!("Proximity({:?}, graph='delaunay', metric='{}')", self.distance(), self.metric())
+        format!("Proximity({:?}, graph='{}', metric='{}')", self.distance(), self.graph(), self.metric())
+    }
+}
+
+/// Dense places grow together, points at their rim follow the nearest, all others get no segment.
+///
+/// Source: Ester, Kriegel, Sander and Xu, A density-based algorithm (1996). A point with at least `min_points` points
+/// within `eps`, itself included, is a core point; core points within `eps` of each other are one segment. A border
+/// point belongs to its nearest core point, at equal distance to the one with the smallest point id: unlike elsewhere,
+/// the result does not depend on the order of the points.
+///
+/// Parameters
+/// ----------
+/// eps : float
+///     How far away neighbors may be, in units of the coordinates, above 0. A pair at exactly eps counts.
+/// min_points : int, default 5
+///     How many points within eps make a core point, the point itself included; at least 1.
+/// metric : {"xyz", "xy"}, default "xyz"
+///     Whether distances are taken in space or on the map.
+///
+/// Raises
+/// ------
+/// InvalidParameter
+///     If eps is not above 0, there are no points, or the metric is none of those.
+///
+/// Examples
+/// --------
+/// >>> Dbscan(0.5, min_points=10)
+/// Dbscan(0.5, min_points=10, metric='xyz')
+#[pyclass(frozen, eq, name = "Dbscan", module = "streamseg")]
+#[derive(Clone, PartialEq)]
+pub struct PyDbscan(Dbscan);
+
+#[pymethods]
+impl PyDbscan {
+    #[new]
+    #[pyo3(signature = (eps, min_points = Dbscan::MIN_POINTS as i64, metric = "xyz"))]
+    fn new(eps: f64, min_points: i64, metric: &str) -> PyResult<Self> {
+        Ok(Self(Dbscan::new(eps, count("min_points", min_points)?, metric_of(metric)?)?))
+    }
+
+    /// How far away neighbors may be, in units of the coordinates.
+    #[getter]
+    fn eps(&self) -> f64 {
+        self.0.eps()
+    }
+
+    /// How many points within eps make a core point.
+    #[getter]
+    fn min_points(&self) -> usize {
+        self.0.min_points()
+    }
+
+    /// Whether distances are taken in space ("xyz") or on the map ("xy").
+    #[getter]
+    fn metric(&self) -> &'static str {
+        name_of(self.0.metric())
+    }
+
+    fn __getnewargs__(&self) -> (f64, usize, &'static str) {
+        (self.eps(), self.min_points(), self.metric())
+    }
+
+    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
+        self.__getnewargs__().into_pyobject(py)?.hash()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Dbscan({:?}, min_points={}, metric='{}')", self.eps(), self.min_points(), self.metric())
+    }
+}
+
+fn metric_of(name: &str) -> Result<Metric> {
+    match name {
+        "xyz" => Ok(Metric::Xyz),
+        "xy" => Ok(Metric::Xy),
+        _ => Err(Error::parameter("metric", format!("'{name}'"), "'xyz' or 'xy'")),
+    }
+}
+
+fn name_of(metric: Metric) -> &'static str {
+    match metric {
+        Metric::Xyz => "xyz",
+        Metric::Xy => "xy",
     }
 }
 
@@ -119,6 +204,9 @@ impl PyWindow {
 pub(super) fn segmentor(object: &Bound<'_, PyAny>) -> PyResult<Arc<dyn Segmentor>> {
     if let Ok(proximity) = object.cast::<PyProximity>() {
         return Ok(Arc::new(proximity.get().0));
+    }
+    if let Ok(dbscan) = object.cast::<PyDbscan>() {
+        return Ok(Arc::new(dbscan.get().0));
     }
     let name = match object.getattr("__name__") {
         Ok(name) => name.str()?.to_string(),

@@ -130,7 +130,7 @@ impl PySpanByCount {
 }
 
 /// A count from Python, where numbers may be negative.
-fn count(name: &'static str, value: i64) -> Result<usize> {
+pub(super) fn count(name: &'static str, value: i64) -> Result<usize> {
     usize::try_from(value).map_err(|_| crate::error::Error::parameter(name, value, "a whole number of at least 1"))
 }
 
