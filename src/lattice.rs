@@ -142,10 +142,16 @@ impl Within {
         // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
         // coarse for the distance altogether.
         squared <= self.limit
-            || (self.rounding && squared <= 4.0 * self.limit && {
+            || (self.rounding && squared <= self.limit() && {
                 let (a, b) = pair();
                 self.pair_but_for_rounding(&a, &b, squared)
             })
+    }
+
+    /// No pair with a greater squared distance is joined.
+    #[inline]
+    pub(crate) fn limit(&self) -> f64 {
+        if self.rounding { 4.0 * self.limit } else { self.limit }
     }
 
     /// Whether no pair at least as far apart as `squared`, of points whose coordinates are no larger than `largest`, is

@@ -7,6 +7,7 @@
 from . import scenes
 from ._core import (
     ConditionalClustering,
+    Dbscan,
     Proximity,
     RegionGrowing,
     Segmentor,
@@ -38,6 +39,7 @@ from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
     "ConditionalClustering",
+    "Dbscan",
     "FileError",
     "History",
     "InvalidInput",

@@ -13,6 +13,7 @@ _Progress = tuple[int, int, int, int, int, float]
 
 __all__ = [
     "ConditionalClustering",
+    "Dbscan",
     "Pipeline",
     "Proximity",
     "Recipe",
@@ -85,6 +86,18 @@ class Proximity(Segmentor):
     def distance(self) -> float: ...
     @property
     def graph(self) -> str: ...
+    @property
+    def metric(self) -> str: ...
+
+@final
+class Dbscan(Segmentor):
+    def __new__(
+        cls, eps: float, min_points: int = ..., metric: str = "xyz", **options: Unpack[_Options]
+    ) -> Dbscan: ...
+    @property
+    def eps(self) -> float: ...
+    @property
+    def min_points(self) -> int: ...
     @property
     def metric(self) -> str: ...
 

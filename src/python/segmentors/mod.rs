@@ -2,6 +2,7 @@
 
 mod base;
 mod conditional_clustering;
+mod dbscan;
 mod foreign;
 mod proximity;
 mod region_growing;
@@ -12,6 +13,7 @@ use pyo3::prelude::*;
 
 pub use base::PySegmentor;
 pub use conditional_clustering::PyConditionalClustering;
+pub use dbscan::PyDbscan;
 pub use foreign::PyWindow;
 pub use proximity::PyProximity;
 pub use region_growing::PyRegionGrowing;
