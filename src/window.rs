@@ -241,8 +241,8 @@ impl Window {
         self.extent = self.extent.map(|extent| extent.shrunk(margin, &self.lattice));
     }
 
-    /// Whether everything within `radius` of `point` on the map, in units of the coordinates, has been loaded. Without an
-    /// extent nothing is known, and everything counts as loaded.
+    /// Whether every point of the cloud within `radius` (in units of the coordinates) of `point` on the map is in this
+    /// window. Where spans are cut in stream order nothing is known, and it counts as true.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
         self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
     }

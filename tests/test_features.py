@@ -88,9 +88,7 @@ def test_radius_in_small_clouds(rows: list[tuple[int, int, int]], radius: float,
     points = np.array(rows, float).reshape(-1, 3)
     queries = range(len(points))
     limits = (-1.0, 2.0) if mode == "2.5d" else (-np.inf, np.inf)
-    found = ss.features(
-        points, NAMES, search_radius=[radius, *limits] if mode == "2.5d" else radius, search_mode=mode
-    )
+    found = ss.features(points, NAMES, search_radius=[radius, *limits] if mode == "2.5d" else radius, search_mode=mode)
     neighbors = twin.around(points, queries, radius, 3 if mode == "3d" else 2, *limits)
     assert_equal(found, queries, twins(points, queries, neighbors))
 
@@ -217,7 +215,10 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "mode": ({"k": 3, "search_mode": "4d"}, "search_mode is '4d', allowed: '2d', '2.5d' or '3d'"),
     "radius negative": ({"search_radius": -1.0}, "search_radius is -1, allowed: a finite number above 0"),
     "radius NaN": ({"search_radius": float("nan")}, "search_radius is NaN, allowed: a finite number above 0"),
-    "radii of a ball": ({"search_radius": [1, 2]}, r"search_radius is \[1, 2\], allowed: a finite number above 0; only"),
+    "radii of a ball": (
+        {"search_radius": [1, 2]},
+        r"search_radius is \[1, 2\], allowed: a finite number above 0; only",
+    ),
     "radius of letters": ({"search_radius": "far"}, "search_radius is 'far', allowed: a finite number above 0"),
     "four radii": (
         {"search_radius": [1, 2, 3, 4], "search_mode": "2.5d"},

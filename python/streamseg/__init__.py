@@ -5,7 +5,19 @@
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
+from ._core import (
+    ConditionalClustering,
+    Proximity,
+    RegionGrowing,
+    Segmentor,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    WindowPoints,
+    __version__,
+)
 from .errors import (
     FileError,
     InvalidInput,
@@ -21,18 +33,23 @@ from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
-from .stream import Progress, Span, Stream, segment, segment_static, stream
+from .run import segment, segment_static, stream
+from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
+    "ConditionalClustering",
     "FileError",
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "LeftOut",
     "MissingExtra",
     "Outcome",
     "OutputExists",
     "Progress",
     "Proximity",
+    "RegionGrowing",
+    "Segmentor",
     "SegmentorError",
     "Span",
     "SpanByCount",

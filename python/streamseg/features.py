@@ -76,9 +76,9 @@ def features(
     [-0.7071, 0.7071]
     """
     asked = [names] if isinstance(names, str) else list(names)
-    opened = open_source(source, None)
+    opened = open_source(source)
     columns = _features(
-        opened.chunks(),
+        opened.chunks(()),
         asked,
         k=k,
         search_radius=search_radius,

@@ -30,6 +30,16 @@ pub enum Fit {
     Robust,
 }
 
+impl Fit {
+    /// The name, as users type it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fit::LeastSquares => "least_squares",
+            Fit::Robust => "robust",
+        }
+    }
+}
+
 impl std::str::FromStr for Fit {
     type Err = Error;
 

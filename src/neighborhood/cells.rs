@@ -56,7 +56,7 @@ impl Cells {
         }
         let mut pyramid = vec![level];
         while let Some(below) = pyramid.last().filter(|below| below.len() > 1) {
-            let above = below.chunks(2).map(|pair| pair.iter().fold(Bounds::NOTHING, |all, one| all.with(one)));
+            let above = below.chunks(2).map(|pair| pair.iter().fold(Bounds::NOTHING, Bounds::with));
             pyramid.push(above.collect());
         }
         Self { order, blocks, pyramid }

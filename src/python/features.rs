@@ -33,7 +33,7 @@ pub(super) fn _features<'py>(
         _ => Lattice::REAL,
     };
     let mut points = Vec::new();
-    for chunk in checked(PyChunks::new(chunks, &[])?, Invalid::Reject) {
+    for chunk in checked(PyChunks::new(chunks, Vec::new())?, Invalid::Reject) {
         points.extend(chunk?.points);
     }
     let features = guarded(py, || {

@@ -3,11 +3,13 @@
 //! A segmentor sees the points of one window and nothing else: no other window, no segment ids, no other segmentor.
 //! Adding one is one file here and one line in this list.
 
+mod conditional_clustering;
 mod exactness;
 mod proximity;
 mod region_growing;
 
-pub use exactness::{Assessment, Exactness};
+pub use conditional_clustering::ConditionalClustering;
+pub use exactness::{Assessment, Exactness, Layout};
 pub use proximity::Proximity;
 pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
@@ -88,6 +90,14 @@ pub trait Segmentor: Send + Sync {
     /// The attributes of points that it looks at beside their position: columns of the cloud or features.
     fn attributes(&self) -> Vec<String> {
         Vec::new()
+    }
+
+    /// Says where its own text names an attribute that is not among those `available`.
+    ///
+    /// # Errors
+    /// If it does.
+    fn check(&self, _available: &[String]) -> Result<()> {
+        Ok(())
     }
 
     /// The columns of the cloud that windows have to bring along.
