@@ -166,7 +166,7 @@ impl Window {
             points,
             point_ids,
             columns,
-            extent: self.extent,
+            extent: self.extent.map(|extent| moved(extent, &self.lattice, &lattice)),
             valid: None,
             is_final: None,
             seeds: None,
@@ -251,6 +251,16 @@ impl Window {
             && (high == f64::INFINITY || along + radius <= high - slack)
     }
 
+    /// How far `point` is from the border of what has been loaded, on the map and in units of the coordinates: 0 if it lies
+    /// beyond, ∞ if there is no border.
+    pub fn distance_to_border(&self, point: &[f64; 3]) -> f64 {
+        let Some(Extent { direction, low, high }) = self.extent else { return f64::INFINITY };
+        let [x, y] = self.lattice.horizontal(point);
+        let along = direction[0] * x + direction[1] * y;
+        let distance = (along - low).min(high - along) - along.abs() * ROUNDING;
+        (distance / self.lattice.per_horizontal()).max(0.0)
+    }
+
     /// Whether all that is known of the point is final: no other window can know more.
     pub fn is_final(&self, point: u32) -> bool {
         self.is_final.as_ref().is_none_or(|flags| flags[point as usize])
@@ -293,6 +303,20 @@ fn count(spans: &[Arc<Span>]) -> usize {
 
 /// Relative slack of positions along a direction.
 const ROUNDING: f64 = 1e-12;
+
+/// The same part of the map in the horizontal coordinates of another lattice.
+fn moved(extent: Extent, from: &Lattice, to: &Lattice) -> Extent {
+    if from == to {
+        return extent;
+    }
+    let zero = |lattice: &Lattice| {
+        let [x, y] = [0, 1].map(|axis| if lattice.is_whole() { lattice.offset()[axis] } else { 0.0 });
+        extent.direction[0] * x + extent.direction[1] * y
+    };
+    let (from_zero, to_zero) = (zero(from), zero(to));
+    let border = |along: f64| (along / from.per_horizontal() + from_zero - to_zero) * to.per_horizontal();
+    Extent { low: border(extent.low), high: border(extent.high), ..extent }
+}
 
 fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {
     let (first, last) = (spans.first()?.extent?, spans.last()?.extent?);

@@ -1,7 +1,7 @@
 //! Slabs along a direction, numbered from absolute zero.
 
 use crate::error::{Error, Result};
-use crate::lattice::{Lattice, is_valid};
+use crate::lattice::{Lattice, is_valid, whole_steps};
 
 /// The direction along which slabs follow each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,17 +52,6 @@ pub(crate) struct SlabIndex {
 
 /// Slab numbers beyond this would not be exact.
 const MOST_SLABS: f64 = 9e15;
-
-/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
-const MEANT_WHOLE: f64 = 1e-9;
-
-fn whole_steps(length: f64, step: f64) -> Option<f64> {
-    let steps = length / step;
-    let whole = steps.round();
-    // Half a unit in the last place of a large quotient is not a fraction that was meant.
-    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
-    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
-}
 
 impl SlabIndex {
     pub(crate) fn new(width: f64, direction: Direction, lattice: &Lattice) -> Self {
