@@ -234,31 +234,20 @@ impl Window {
     pub fn shrink(&mut self, margin: f64) {
         let margin = margin * self.lattice.per_horizontal();
         if let Some(extent) = &mut self.extent {
-            extent.low += margin;
-            extent.high -= margin;
+            *extent = Extent { low: extent.low + margin, high: extent.high - margin, step: None, ..*extent };
         }
     }
 
     /// Whether everything within `radius` of `point` on the map, in units of the coordinates, has been loaded. Without an
     /// extent nothing is known, and everything counts as loaded.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
-        let Some(Extent { direction, low, high }) = self.extent else { return true };
-        let [x, y] = self.lattice.horizontal(point);
-        let (along, radius) = (direction[0] * x + direction[1] * y, radius * self.lattice.per_horizontal());
-        // The borders are exact on a lattice; elsewhere rounding must not make more of the window than there is.
-        let slack = (along.abs() + radius) * ROUNDING;
-        (low == f64::NEG_INFINITY || along - radius >= low + slack)
-            && (high == f64::INFINITY || along + radius <= high - slack)
+        self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
     }
 
     /// How far `point` is from the border of what has been loaded, on the map and in units of the coordinates: 0 if it lies
     /// beyond, ∞ if there is no border.
     pub fn distance_to_border(&self, point: &[f64; 3]) -> f64 {
-        let Some(Extent { direction, low, high }) = self.extent else { return f64::INFINITY };
-        let [x, y] = self.lattice.horizontal(point);
-        let along = direction[0] * x + direction[1] * y;
-        let distance = (along - low).min(high - along) - along.abs() * ROUNDING;
-        (distance / self.lattice.per_horizontal()).max(0.0)
+        self.extent.map_or(f64::INFINITY, |extent| extent.distance_to_border(point, &self.lattice))
     }
 
     /// Whether all that is known of the point is final: no other window can know more.
@@ -301,9 +290,6 @@ fn count(spans: &[Arc<Span>]) -> usize {
     spans.iter().map(|span| span.len()).sum()
 }
 
-/// Relative slack of positions along a direction.
-const ROUNDING: f64 = 1e-12;
-
 /// The same part of the map in the horizontal coordinates of another lattice.
 fn moved(extent: Extent, from: &Lattice, to: &Lattice) -> Extent {
     if from == to {
@@ -315,7 +301,7 @@ fn moved(extent: Extent, from: &Lattice, to: &Lattice) -> Extent {
     };
     let (from_zero, to_zero) = (zero(from), zero(to));
     let border = |along: f64| (along / from.per_horizontal() + from_zero - to_zero) * to.per_horizontal();
-    Extent { low: border(extent.low), high: border(extent.high), ..extent }
+    Extent { low: border(extent.low), high: border(extent.high), step: None, ..extent }
 }
 
 fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {

@@ -3,10 +3,13 @@
 //! A neighborhood knows positions and nothing of segments; what to make of a pair is the segmentor's business. There are
 //! two: the [`Delaunay`] triangulation of the map, and the [`Grid`], which answers every [`Search`] by radius or number.
 
+mod cells;
 mod certificate;
+mod components;
 mod curve;
 mod delaunay;
 mod grid;
+mod nearest;
 mod search;
 
 pub use certificate::Loaded;
