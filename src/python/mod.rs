@@ -7,11 +7,13 @@ mod arrays;
 mod errors;
 mod features;
 mod history;
+mod preprocessing;
 mod scenes;
 mod searches;
 mod segmentors;
 mod spans;
 mod stream;
+mod survey;
 
 use pyo3::prelude::*;
 
@@ -28,6 +30,7 @@ mod _core {
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]
+    use super::preprocessing::{PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid, _halo_of, _measure};
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
@@ -38,4 +41,6 @@ mod _core {
     use super::spans::{PySpanByCount, PySpanByScanLine, PySpanByTime, PySpanByWidth, PyWindowSize};
     #[pymodule_export]
     use super::stream::{PyPipeline, PySettled, PySettlement, PySpan};
+    #[pymodule_export]
+    use super::survey::{PyFeatureSurvey, PyFeatures, PyThinnedSpan, PyThinning};
 }
