@@ -1,7 +1,7 @@
 """Segments point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.
 
 `stream` is the framework as an iterator over spans; `segment` and `segment_static` return the labels of a whole cloud;
-`segment_file` and `resolve_file` go from file to file.
+`segment_file` and `resolve_file` go from file to file; `features` tells what the surface is like around each point.
 """
 
 from . import scenes
@@ -17,6 +17,7 @@ from .errors import (
     StreamsegError,
     StreamsegWarning,
 )
+from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
@@ -45,6 +46,7 @@ __all__ = [
     "Window",
     "WindowPoints",
     "__version__",
+    "features",
     "preview",
     "resolve_file",
     "scenes",

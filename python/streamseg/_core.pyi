@@ -1,6 +1,6 @@
 """The compiled core of streamseg."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -25,12 +25,24 @@ __all__ = [
     "Window",
     "WindowPoints",
     "__version__",
+    "_features",
     "default_spans",
 ]
 
 __version__: str
 
 def default_spans(segmentor: Any) -> Any: ...
+def _features(
+    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    names: Sequence[str],
+    *,
+    k: int | None,
+    search_radius: float | Sequence[float] | None,
+    search_mode: str,
+    normals: str,
+    scale: _Triple | None,
+    offset: _Triple | None,
+) -> list[NDArray[np.float64]]: ...
 
 @final
 class Proximity:
