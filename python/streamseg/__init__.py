@@ -5,7 +5,20 @@
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
+from ._core import (
+    Proximity,
+    RadiusOutlierRemoval,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    StatisticalOutlierRemoval,
+    ThinnedSpan,
+    VoxelGrid,
+    Window,
+    WindowPoints,
+    __version__,
+)
 from .errors import (
     FileError,
     InvalidInput,
@@ -20,6 +33,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .preprocessing import prepare, preprocess
 from .preview import preview
 from .stream import Progress, Span, Stream, segment, segment_static, stream
 
@@ -33,20 +47,26 @@ __all__ = [
     "OutputExists",
     "Progress",
     "Proximity",
+    "RadiusOutlierRemoval",
     "SegmentorError",
     "Span",
     "SpanByCount",
     "SpanByScanLine",
     "SpanByTime",
     "SpanByWidth",
+    "StatisticalOutlierRemoval",
     "Stream",
     "StreamInUse",
     "StreamsegError",
     "StreamsegWarning",
+    "ThinnedSpan",
+    "VoxelGrid",
     "Window",
     "WindowPoints",
     "__version__",
     "features",
+    "prepare",
+    "preprocess",
     "preview",
     "resolve_file",
     "scenes",

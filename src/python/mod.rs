@@ -30,7 +30,7 @@ mod _core {
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]
-    use super::preprocessing::{PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid, _halo_of, _measure};
+    use super::preprocessing::{_halo_of, _measure, PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid};
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]

@@ -7,11 +7,15 @@ use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, real_positions};
 use super::errors::{StreamInUse, StreamsegError, guarded};
+use super::features::feature;
 use super::preprocessing::stages;
+use super::searches::search;
 use super::spans::span_by;
 use crate::crew::Crew;
 use crate::error::Error;
+use crate::features::{Feature, Fit, compute};
 use crate::lattice::Lattice;
+use crate::neighborhood::Search;
 use crate::preprocessing::{apply_all, total_halo};
 use crate::span::{Invalid, Source, Spans, checked, spans_of};
 use crate::survey::{OwnIds, Survey};
@@ -157,4 +161,85 @@ impl PyThinnedSpan {
     fn __repr__(&self, py: Python<'_>) -> String {
         format!("ThinnedSpan(index={}, points={})", self.index, self.__len__(py))
     }
+}
+
+/// Features of a window's own points.
+struct Found {
+    point_ids: Vec<i64>,
+    columns: Vec<Vec<f64>>,
+    undecided: usize,
+}
+
+/// Computes features, span by span.
+#[pyclass(frozen, name = "FeatureSurvey", module = "streamseg._core")]
+pub struct PyFeatureSurvey(Mutex<Survey<Found>>);
+
+#[pymethods]
+impl PyFeatureSurvey {
+    #[new]
+    #[pyo3(signature = (chunks, names, spans, *, k, search_radius, search_mode, normals, stored, lattice, threads))]
+    #[allow(clippy::too_many_arguments)] // one keyword each for Python
+    fn new(
+        chunks: &Bound<'_, PyAny>,
+        names: Vec<String>,
+        spans: Option<&Bound<'_, PyAny>>,
+        k: Option<i64>,
+        search_radius: Option<&Bound<'_, PyAny>>,
+        search_mode: &str,
+        normals: &str,
+        stored: bool,
+        lattice: Option<([f64; 3], [f64; 3])>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;
+        let search = search(k, search_radius, search_mode)?;
+        let fit: Fit = normals.parse()?;
+        let Cloud { spans, lattice } = Cloud::new(chunks, spans, stored, lattice, false)?;
+        let look = move |window: &Window| Ok(features_of(window, search, fit, &wanted));
+        let survey = Survey::new(spans, lattice, vec![], halo(search.reach()), Crew::new(threads)?, Arc::new(look))?;
+        Ok(Self(Mutex::new(survey.with_look_up(signals))))
+    }
+
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<PyFeatures>> {
+        let Some(Found { point_ids, columns, undecided }) = next(py, &self.0)? else { return Ok(None) };
+        Ok(Some(PyFeatures {
+            point_ids: point_ids.into_pyarray(py).unbind(),
+            columns: columns.into_iter().map(|column| column.into_pyarray(py).unbind()).collect(),
+            undecided,
+        }))
+    }
+}
+
+/// A value is given only if all that it depends on has been loaded.
+fn features_of(window: &Window, search: Search, fit: Fit, wanted: &[Feature]) -> Found {
+    let all = compute(window.points(), window.point_ids(), window.lattice(), search, fit, wanted);
+    let own = OwnIds::of(window);
+    let own: Vec<usize> = (0..window.points().len()).filter(|&i| own.contains(window.point_ids()[i])).collect();
+    let is_final: Vec<bool> = own.iter().map(|&i| window.holds(&window.points()[i], all.support[i])).collect();
+    let of_own = |column: &Vec<f64>| {
+        own.iter().zip(&is_final).map(|(&i, &is_final)| if is_final { column[i] } else { f64::NAN }).collect()
+    };
+    Found {
+        point_ids: own.iter().map(|&i| window.point_ids()[i]).collect(),
+        columns: all.columns.iter().map(of_own).collect(),
+        undecided: is_final.iter().filter(|is_final| !**is_final).count(),
+    }
+}
+
+/// Features of the points of a span.
+#[pyclass(frozen, name = "SpanFeatures", module = "streamseg._core")]
+pub struct PyFeatures {
+    /// The point ids, (n,) int64.
+    #[pyo3(get)]
+    point_ids: Py<PyArray1<i64>>,
+    /// One (n,) float64 array per feature.
+    #[pyo3(get)]
+    columns: Vec<Py<PyArray1<f64>>>,
+    /// How many points have no value because their neighbors were not all loaded.
+    #[pyo3(get)]
+    undecided: usize,
 }
