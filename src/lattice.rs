@@ -84,6 +84,18 @@ impl Lattice {
     }
 }
 
+/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
+const MEANT_WHOLE: f64 = 1e-9;
+
+/// How many steps a length has, if that was meant to be a whole number.
+pub(crate) fn whole_steps(length: f64, step: f64) -> Option<f64> {
+    let steps = length / step;
+    let whole = steps.round();
+    // Half a unit in the last place of a large quotient is not a fraction that was meant.
+    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
+    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
+}
+
 /// Whether a position can be computed with.
 #[inline]
 pub fn is_valid(position: &[f64; 3]) -> bool {

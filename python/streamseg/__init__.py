@@ -9,12 +9,16 @@ from ._core import (
     ConditionalClustering,
     Dbscan,
     Proximity,
+    RadiusOutlierRemoval,
     RegionGrowing,
     Segmentor,
     SpanByCount,
     SpanByScanLine,
     SpanByTime,
     SpanByWidth,
+    StatisticalOutlierRemoval,
+    ThinnedSpan,
+    VoxelGrid,
     Window,
     WindowPoints,
     __version__,
@@ -33,6 +37,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
 from .stream import LeftOut, Progress, Span, Stream
@@ -50,6 +55,7 @@ __all__ = [
     "OutputExists",
     "Progress",
     "Proximity",
+    "RadiusOutlierRemoval",
     "RegionGrowing",
     "Segmentor",
     "SegmentorError",
@@ -58,14 +64,19 @@ __all__ = [
     "SpanByScanLine",
     "SpanByTime",
     "SpanByWidth",
+    "StatisticalOutlierRemoval",
     "Stream",
     "StreamInUse",
     "StreamsegError",
     "StreamsegWarning",
+    "ThinnedSpan",
+    "VoxelGrid",
     "Window",
     "WindowPoints",
     "__version__",
     "features",
+    "prepare",
+    "preprocess",
     "preview",
     "resolve_file",
     "scenes",

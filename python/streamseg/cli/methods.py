@@ -109,7 +109,9 @@ def lengths(option: str, text: str | None) -> float | tuple[float, ...] | None:
     try:
         numbers = tuple(float(number) for number in text.split(","))
     except ValueError:
-        raise InvalidParameter(f"{option} is '{text}', allowed: a number, or up to three with commas: 1,-0.5,2") from None
+        raise InvalidParameter(
+            f"{option} is '{text}', allowed: a number, or up to three with commas: 1,-0.5,2"
+        ) from None
     return numbers[0] if len(numbers) == 1 else numbers
 
 

@@ -64,12 +64,8 @@ def segment(
         _of(_METHOD, "conditional, planes, growing: how far neighbors can be; for 2.5d also R,H or R,LOW,HIGH."),
     ] = None,
     search_mode: Annotated[str | None, _of(_METHOD, "conditional, planes: 3d, 2.5d or 2d.")] = None,
-    max_distance: Annotated[
-        float | None, _of(_METHOD, "planes: greatest distance of a point from its plane.")
-    ] = None,
-    max_sigma: Annotated[
-        float | None, _of(_METHOD, "planes: an adjustment with more than this is not taken.")
-    ] = None,
+    max_distance: Annotated[float | None, _of(_METHOD, "planes: greatest distance of a point from its plane.")] = None,
+    max_sigma: Annotated[float | None, _of(_METHOD, "planes: an adjustment with more than this is not taken.")] = None,
     seed_calculator: Annotated[
         str | None, _of(_METHOD, 'planes: order of the seeds, such as "NormalSigma0<0.02 ? NormalSigma0 : invalid".')
     ] = None,
@@ -81,9 +77,7 @@ def segment(
     max_curvature: Annotated[
         float | None, _of(_METHOD, "growing: regions do not grow on from points beyond it.")
     ] = None,
-    residual: Annotated[
-        float | None, _of(_METHOD, "growing: greatest distance from the tangent plane.")
-    ] = None,
+    residual: Annotated[float | None, _of(_METHOD, "growing: greatest distance from the tangent plane.")] = None,
     literal: Annotated[
         bool | None, typer.Option("--literal", help="growing: PCL's loop.", rich_help_panel=_METHOD)
     ] = None,
@@ -100,15 +94,11 @@ def segment(
     ] = None,
     seed_filter: Annotated[str | None, _of(_EVERY, "Which points may be the first of a segment.")] = None,
     sort: Annotated[str | None, _of(_EVERY, "Number segments by size: native, ascending or descending.")] = None,
-    normals: Annotated[
-        str | None, _of(_EVERY, "How planes are fitted for features: least_squares or robust.")
-    ] = None,
+    normals: Annotated[str | None, _of(_EVERY, "How planes are fitted for features: least_squares or robust.")] = None,
     outliers: Annotated[
         str | None, _of(_BEFORE, "Remove statistical outliers: K or K,MULTIPLIER or K,MULTIPLIER,DIALECT.")
     ] = None,
-    lonely: Annotated[
-        str | None, _of(_BEFORE, "Remove points with few others around: RADIUS,NEIGHBORS.")
-    ] = None,
+    lonely: Annotated[str | None, _of(_BEFORE, "Remove points with few others around: RADIUS,NEIGHBORS.")] = None,
     voxel: Annotated[float | None, _of(_BEFORE, "Segment the centers of voxels of this size instead.")] = None,
     span_width: Annotated[
         float | None, _of(_SPANS, "Spans of this width. [default: 20 x how far neighbors can be]")
@@ -118,9 +108,7 @@ def segment(
     span_time: Annotated[float | None, _of(_SPANS, "Spans of so many seconds of gps_time.")] = None,
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
     spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
-    overlap: Annotated[
-        int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)
-    ] = None,
+    overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
     threads: Annotated[int | None, typer.Option(max=MOST, help="Windows at a time. [default: all cores]")] = None,
@@ -239,9 +227,11 @@ def _spans(
     except ValueError:
         azimuth = direction
     if width is None:
-        usual = default_spans(Recipe(segmentor, [], True), None, None)
+        usual = default_spans(Recipe(segmentor, [], [], True), None, None)
         if not isinstance(usual, SpanByWidth):
-            raise InvalidParameter(f"--direction is {direction} without --span-width, allowed: with one for {segmentor!r}")
+            raise InvalidParameter(
+                f"--direction is {direction} without --span-width, allowed: with one for {segmentor!r}"
+            )
         width = usual.width
     return SpanByWidth(width, azimuth)
 
