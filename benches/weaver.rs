@@ -54,6 +54,8 @@ impl Stream {
                 first_span: first_span + window.first_span,
                 span_points: &window.span_points,
                 labels: &window.labels,
+                seeded: None,
+                agrees: None,
             };
             self.next_window += 1;
             self.next_span = woven.first_span + window.span_points.len() as u64;

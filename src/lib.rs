@@ -57,6 +57,7 @@ pub mod recipe;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;
+pub mod size;
 pub mod span;
 pub mod union_find;
 pub mod weaver;

@@ -137,7 +137,7 @@ impl Pipeline {
         self.progress
     }
 
-    /// The log of joins, which turns raw and carried ids into final ones after the end.
+    /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
     pub fn aliases(&mut self) -> &mut Aliases {
         self.weaver.aliases()
     }
@@ -203,7 +203,8 @@ impl Pipeline {
         let begun = Instant::now();
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
-        let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels };
+        let (seeded, agrees) = (None, None);
+        let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels, seeded, agrees };
         let first_segment_id = self.weaver.next_id();
         let evicted = self.weaver.weave(&window, &self.crew);
         self.progress.weaving += begun.elapsed();

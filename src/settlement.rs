@@ -1,15 +1,16 @@
 //! Keeps spans on disk until their carried ids can be made final.
 //!
 //! Ids are final only when the source has ended: the last window may join what the first ones left apart. So spans are
-//! kept in a temporary file as they come out, then settled from the last to the first along the log of joins (see
-//! [`Settling`](crate::weaver::Settling)), and handed out again from the first to the last.
+//! kept in a temporary file as they come out, then settled from the last to the first along the log of joins and
+//! closings (see [`Settling`](crate::weaver::Settling)), and handed out again from the first to the last. What is left out
+//! by its size, and who is numbered anew, is a [`Selection`].
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use crate::error::{Error, Result};
 use crate::label::SegmentId;
-use crate::weaver::Aliases;
+use crate::weaver::{Aliases, Selection};
 
 /// Spans waiting for their final ids, then an iterator over them.
 pub struct Settlement {
@@ -35,7 +36,7 @@ pub struct Settled {
     pub index: u64,
     /// The point ids, ascending.
     pub point_ids: Vec<i64>,
-    /// The final segment id of each point.
+    /// The final segment id of each point; −1 also where its segment is left out.
     pub segment_ids: Vec<SegmentId>,
     /// Lattice coordinates, if they were kept.
     pub positions: Vec<[f64; 3]>,
@@ -51,7 +52,7 @@ impl Settlement {
         Ok(Self { file, kept: Vec::new(), end: 0, next: 0 })
     }
 
-    /// Keeps a span whose carried ids were handed out when the log of joins stood at `settles_at`. Positions may be
+    /// Keeps a span whose carried ids were handed out when the log stood at `settles_at`. Positions may be
     /// left out, for all points or for none.
     ///
     /// # Errors
@@ -77,12 +78,13 @@ impl Settlement {
         Ok(())
     }
 
-    /// Makes all ids final; the log has to be the one in which the spans' positions were taken.
+    /// Makes all ids final; the log has to be the one in which the spans' positions were taken, and from which was
+    /// selected.
     ///
     /// # Errors
     /// If a temporary file cannot be read or written.
-    pub fn settle(&mut self, log: &mut Aliases) -> Result<()> {
-        let mut settling = log.settling();
+    pub fn settle(&mut self, log: &mut Aliases, selection: &Selection) -> Result<()> {
+        let mut settling = log.settling(selection);
         for kept in self.kept.iter().rev() {
             settling.rewind(log, kept.settles_at, |_, _| ())?;
             let at = kept.start + (kept.points * size_of::<i64>()) as u64;
@@ -133,22 +135,42 @@ impl Iterator for Settlement {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::size::{SizeLimits, Sort};
+    use crate::weaver::Closed;
 
-    #[test]
-    fn spans_come_back_in_order_with_final_ids() {
+    /// Two segments that meet late, of two points and one, and another of one point.
+    fn settled(limits: SizeLimits, sort: Sort) -> Vec<Settled> {
         let mut log = Aliases::default();
         let mut settlement = Settlement::new().unwrap();
         log.mark_births(1);
         settlement.keep(0, &[0, 1], &[1, 2], &[[0.0; 3], [1.0; 3]], log.len()).unwrap();
         log.mark_births(3);
-        log.join(3, 2);
-        settlement.keep(1, &[2], &[2], &[], log.len()).unwrap();
+        log.join(4, 2);
+        settlement.keep(1, &[2, 3], &[2, 3], &[], log.len()).unwrap();
         log.join(2, 1);
-        settlement.settle(&mut log).unwrap();
-        let spans: Vec<Settled> = settlement.by_ref().map(Result::unwrap).collect();
+        log.close(&Closed { id: 3, points: 1, has_seed: true });
+        log.close(&Closed { id: 1, points: 3, has_seed: true });
+        let selection = Selection::new(&mut log, limits, sort).unwrap();
+        settlement.settle(&mut log, &selection).unwrap();
+        settlement.map(Result::unwrap).collect()
+    }
+
+    #[test]
+    fn spans_come_back_in_order_with_final_ids() {
+        let spans = settled(SizeLimits::default(), Sort::Native);
         assert_eq!(spans[0].segment_ids, [1, 1]);
         assert_eq!(spans[0].positions.len(), 2);
-        assert_eq!((spans[1].index, &spans[1].point_ids[..], &spans[1].segment_ids[..]), (1, &[2][..], &[1][..]));
-        assert!(settlement.next().is_none());
+        assert_eq!((spans[1].index, &spans[1].point_ids[..], &spans[1].segment_ids[..]), (1, &[2, 3][..], &[1, 3][..]));
+        assert_eq!(spans.len(), 2);
+    }
+
+    #[test]
+    fn limits_and_order_are_those_of_whole_segments() {
+        let ids =
+            |limits, sort| settled(limits, sort).into_iter().flat_map(|span| span.segment_ids).collect::<Vec<_>>();
+        assert_eq!(ids(SizeLimits::new(2, None).unwrap(), Sort::Native), [1, 1, 1, -1]);
+        assert_eq!(ids(SizeLimits::new(1, Some(2)).unwrap(), Sort::Native), [-1, -1, -1, 3]);
+        assert_eq!(ids(SizeLimits::default(), Sort::Ascending), [2, 2, 2, 1]);
+        assert_eq!(ids(SizeLimits::new(1, Some(2)).unwrap(), Sort::Descending), [-1, -1, -1, 1]);
     }
 }

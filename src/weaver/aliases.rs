@@ -1,36 +1,63 @@
-//! Every join of two wholes, in the order in which they were found, and what ids become in the end.
+//! The log: every join of two wholes and every closing of one, in the order in which they were found.
 //!
-//! A join *id → smaller id* is final knowledge about `id` only as far as the smaller one does not lose its own name
-//! later. Read backwards, the log settles every id at once: when a join is met, what its smaller id becomes is known
-//! already. And an id can be forgotten as soon as the reading has passed its birth, so the memory is that of the
-//! segments that were in scope together, not of the stream. [`Settling`] is that backward reading.
+//! A whole is closed when none of its segments is in scope: its id is final then, and so is its size. Read backwards, the
+//! log tells what every id becomes ([`Settling`]), and each whole's size before any span that holds it.
 //!
 //! The log keeps its newest records in memory and the others in a temporary file, sixteen bytes each.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use rustc_hash::FxHashMap;
 
+use super::{Closed, Selection, Settling};
 use crate::error::{Error, Result};
-use crate::label::{NONE, SegmentId};
+use crate::label::SegmentId;
 
 /// Records kept in memory before they go to the file, and read from it at a time.
 const BLOCK: usize = 1 << 16;
 
-/// `[id, becomes]`, or `[BIRTHS, first]`: the ids from `first` on are younger than this record.
-type Record = [i64; 2];
+/// What the log can tell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Record {
+    /// The ids from `first` on are younger than this record.
+    Births { first: SegmentId },
+    /// `id` has become the smaller id `becomes`.
+    Join { id: SegmentId, becomes: SegmentId },
+    /// No later window can touch this whole.
+    Closing(Closed),
+}
 
-/// Ids start from 1, so 0 can mark births.
-const BIRTHS: i64 = 0;
+/// Two words per record. Ids start from 1, so the first word tells the kind: 0 for births, the id of a join, the negative
+/// id of a closing. The number of points of a whole without a seed is complemented.
+impl From<Record> for [i64; 2] {
+    fn from(record: Record) -> Self {
+        match record {
+            Record::Births { first } => [0, first],
+            Record::Join { id, becomes } => [id, becomes],
+            Record::Closing(Closed { id, points, has_seed: true }) => [-id, points as i64],
+            Record::Closing(Closed { id, points, has_seed: false }) => [-id, !(points as i64)],
+        }
+    }
+}
 
-/// The log of joins.
+impl From<[i64; 2]> for Record {
+    fn from([first, second]: [i64; 2]) -> Self {
+        match first {
+            0 => Record::Births { first: second },
+            1.. => Record::Join { id: first, becomes: second },
+            _ if second < 0 => Record::Closing(Closed { id: -first, points: !second as u64, has_seed: false }),
+            _ => Record::Closing(Closed { id: -first, points: second as u64, has_seed: true }),
+        }
+    }
+}
+
+/// The log of joins and closings.
 #[derive(Debug, Default)]
 pub struct Aliases {
     file: Option<File>,
     written: u64,
-    newest: Vec<Record>,
+    newest: Vec<[i64; 2]>,
 }
 
 impl Aliases {
@@ -46,16 +73,21 @@ impl Aliases {
 
     /// Notes that ids from `first` on are about to be given.
     pub fn mark_births(&mut self, first: SegmentId) {
-        self.push([BIRTHS, first]);
+        self.push(Record::Births { first });
     }
 
     /// Notes that `id` has become the smaller id `becomes`.
     pub fn join(&mut self, id: SegmentId, becomes: SegmentId) {
-        self.push([id, becomes]);
+        self.push(Record::Join { id, becomes });
+    }
+
+    /// Notes that no later window can touch a whole.
+    pub fn close(&mut self, whole: &Closed) {
+        self.push(Record::Closing(*whole));
     }
 
     fn push(&mut self, record: Record) {
-        self.newest.push(record);
+        self.newest.push(record.into());
         // A full disk costs memory, not the run: what cannot be written waits, and is tried again a block later.
         if self.newest.len().is_multiple_of(BLOCK) && self.write().is_ok() {
             self.written += self.newest.len() as u64;
@@ -68,40 +100,58 @@ impl Aliases {
             Some(file) => file,
             none => none.insert(tempfile::tempfile()?),
         };
-        file.seek(SeekFrom::Start(self.written * size_of::<Record>() as u64))?;
+        file.seek(SeekFrom::Start(self.written * size_of::<[i64; 2]>() as u64))?;
         file.write_all(bytemuck::cast_slice(&self.newest))
     }
 
     /// The last records before `end`, oldest first; none at the start.
-    fn block_before(&mut self, end: u64) -> Result<Vec<Record>> {
+    pub(super) fn block_before(&mut self, end: u64) -> Result<Vec<[i64; 2]>> {
         if end > self.written {
             return Ok(self.newest[..(end - self.written) as usize].to_vec());
         }
         let start = end.saturating_sub(BLOCK as u64);
         let mut block = vec![[0; 2]; (end - start) as usize];
         if let Some(file) = &mut self.file {
-            file.seek(SeekFrom::Start(start * size_of::<Record>() as u64))
+            file.seek(SeekFrom::Start(start * size_of::<[i64; 2]>() as u64))
                 .and_then(|_| file.read_exact(bytemuck::cast_slice_mut(&mut block)))
                 .map_err(|e| Error::spool("read", e))?;
         }
         Ok(block)
     }
 
-    /// Starts reading backwards from the end.
-    pub fn settling(&self) -> Settling {
-        Settling { position: self.len(), block: Vec::new(), becomes: BTreeMap::new() }
-    }
-
-    /// Turns any ids that have been given, raw or carried, into final ids. [`NONE`] stays none.
+    /// Shows every whole that has been closed, in no particular order.
     ///
     /// # Errors
     /// If the temporary file cannot be read.
-    pub fn resolve(&mut self, ids: &mut [SegmentId]) -> Result<()> {
+    pub fn for_each_closed(&mut self, mut on_closed: impl FnMut(&Closed)) -> Result<()> {
+        let mut position = self.len();
+        while position > 0 {
+            let block = self.block_before(position)?;
+            position -= block.len() as u64;
+            for words in block {
+                if let Record::Closing(whole) = words.into() {
+                    on_closed(&whole);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts reading backwards from the end.
+    pub fn settling<'a>(&self, selection: &'a Selection) -> Settling<'a> {
+        Settling::new(self, selection)
+    }
+
+    /// Turns any ids that have been given, raw or carried, into final ids. [`NONE`](crate::label::NONE) stays none.
+    ///
+    /// # Errors
+    /// If the temporary file cannot be read.
+    pub fn resolve(&mut self, ids: &mut [SegmentId], selection: &Selection) -> Result<()> {
         let mut becomes: FxHashMap<SegmentId, SegmentId> = FxHashMap::default();
         for run in ids.chunk_by(|a, b| a == b) {
             becomes.insert(run[0], run[0]);
         }
-        self.settling().rewind(self, 0, |id, settled| {
+        self.settling(selection).rewind(self, 0, |id, settled| {
             if let Some(becomes) = becomes.get_mut(&id) {
                 *becomes = settled;
             }
@@ -113,109 +163,39 @@ impl Aliases {
     }
 }
 
-/// A backward reading of the log: knows what the ids of that time become in the end.
-pub struct Settling {
-    /// The records from here on have been read.
-    position: u64,
-    /// Records before `position` that have been fetched, oldest first.
-    block: Vec<Record>,
-    becomes: BTreeMap<SegmentId, SegmentId>,
-}
-
-impl Settling {
-    /// Goes back to `position` of the log it was started from, showing each settled id and what it becomes on the way.
-    ///
-    /// # Errors
-    /// If the temporary file cannot be read.
-    pub fn rewind(
-        &mut self,
-        log: &mut Aliases,
-        position: u64,
-        mut on_settled: impl FnMut(SegmentId, SegmentId),
-    ) -> Result<()> {
-        while self.position > position {
-            let Some(record) = self.block.pop() else {
-                self.block = log.block_before(self.position)?;
-                continue;
-            };
-            self.position -= 1;
-            match record {
-                [BIRTHS, first] => drop(self.becomes.split_off(&first)),
-                [id, becomes] => {
-                    let settled = self.becomes.get(&becomes).copied().unwrap_or(becomes);
-                    self.becomes.insert(id, settled);
-                    on_settled(id, settled);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Turns ids that were carried at this position into final ids, in place.
-    pub fn settle(&self, ids: &mut [SegmentId]) {
-        for run in ids.chunk_by_mut(|a, b| a == b) {
-            if run[0] != NONE
-                && let Some(&settled) = self.becomes.get(&run[0])
-            {
-                run.fill(settled);
-            }
-        }
-    }
-
-    /// How many ids are remembered.
-    pub fn remembered(&self) -> usize {
-        self.becomes.len()
-    }
-}
-
 #[cfg(all(test, not(loom)))]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_chain_of_joins_settles_at_its_end() {
-        let mut log = Aliases::default();
-        log.mark_births(1);
-        log.mark_births(4);
-        log.join(4, 3);
-        let before_the_u = log.len();
-        log.mark_births(5);
-        log.join(3, 2);
-        log.join(2, 1);
-
-        let mut ids = [4, 3, 2, 1, NONE, 5];
-        log.resolve(&mut ids).unwrap();
-        assert_eq!(ids, [1, 1, 1, 1, NONE, 5]);
-
-        let mut settling = log.settling();
-        settling.rewind(&mut log, before_the_u, |_, _| ()).unwrap();
-        let mut carried = [3, 3, 2, 1, NONE];
-        settling.settle(&mut carried);
-        assert_eq!(carried, [1, 1, 1, 1, NONE]);
+    fn records_keep_what_they_tell() {
+        let whole = |points, has_seed| Record::Closing(Closed { id: 7, points, has_seed });
+        for record in [
+            Record::Births { first: 1 },
+            Record::Join { id: 9, becomes: 3 },
+            whole(0, true),
+            whole(0, false),
+            whole(1 << 62, true),
+            whole(1 << 62, false),
+        ] {
+            assert_eq!(Record::from(<[i64; 2]>::from(record)), record);
+        }
     }
 
     #[test]
-    fn a_long_log_goes_to_disk_and_only_what_lived_together_is_remembered() {
-        // A ground that gets a new id in each of many windows, and a pair that meets in a U each time.
+    fn closed_wholes_are_found_on_disk_and_in_memory() {
         let mut log = Aliases::default();
-        let windows = 3 * BLOCK as i64;
-        let (ground, mut next) = (1, 2);
-        for _ in 0..windows {
-            log.mark_births(next);
-            log.join(next, ground);
-            log.join(next + 2, next + 1);
-            next += 3;
+        let count = 2 * BLOCK as i64 + 5;
+        for id in 1..=count {
+            log.join(id + 1, id);
+            log.close(&Closed { id, points: id as u64, has_seed: id % 2 == 0 });
         }
-        assert!(log.written > 0);
-        let mut most = 0;
-        let mut settling = log.settling();
-        for position in (0..log.len()).rev().step_by(7) {
-            settling.rewind(&mut log, position, |_, _| ()).unwrap();
-            most = most.max(settling.remembered());
-        }
-        assert!(most <= 2, "{most} remembered");
-        let mut ids: Vec<i64> = (0..windows).flat_map(|w| [2 + 3 * w, 3 + 3 * w, 4 + 3 * w]).collect();
-        log.resolve(&mut ids).unwrap();
-        assert!(ids.chunks(3).zip(0..).all(|(ids, w)| *ids == [1, 3 + 3 * w, 3 + 3 * w]));
+        assert!(log.written > 0 && !log.newest.is_empty());
+        let mut closed = Vec::new();
+        log.for_each_closed(|whole| closed.push(*whole)).unwrap();
+        closed.sort_unstable_by_key(|whole| whole.id);
+        assert!(closed.iter().zip(1..).all(|(whole, id)| whole.id == id && whole.points == id as u64));
+        assert_eq!(closed.len() as i64, count);
+        assert!(closed.iter().all(|whole| whole.has_seed == (whole.id % 2 == 0)));
     }
 }

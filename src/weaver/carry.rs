@@ -5,6 +5,8 @@
 //! "U"; their join then comes with an *alias*, larger id → smaller id, so that none is lost.
 //!
 //! Only segments in scope are held: union-find over the consecutive ids from the oldest segment in scope to the newest.
+//! When the last segment of a whole is forgotten the whole is *closed*: its id and its size are final. A point counts
+//! when it is handed out, so once, whenever it got its label.
 
 use crate::label::SegmentId;
 
@@ -15,8 +17,34 @@ pub struct Carry {
     base: SegmentId,
     /// Union-find over `base..`; a parent is never larger than its child.
     parent: Vec<u32>,
-    /// For representatives: the id of their whole, and whether it has been handed out.
-    whole: Vec<(SegmentId, bool)>,
+    /// For representatives: what is known of their whole.
+    whole: Vec<Whole>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Whole {
+    id: SegmentId,
+    /// How many of its points have been handed out.
+    points: u64,
+    is_handed_out: bool,
+    has_seed: bool,
+}
+
+/// A whole that no later window can touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Closed {
+    /// Its final id, the smallest of its segments'.
+    pub id: SegmentId,
+    /// How many points it has.
+    pub points: u64,
+    /// Whether it may be kept where seeds are asked for.
+    pub has_seed: bool,
+}
+
+impl Whole {
+    fn closed(&self) -> Closed {
+        Closed { id: self.id, points: self.points, has_seed: self.has_seed }
+    }
 }
 
 /// Two wholes that became one.
@@ -42,11 +70,18 @@ impl Carry {
         self.base + self.parent.len() as i64
     }
 
-    /// Takes in `count` new segments, each a whole of its own.
-    pub fn extend(&mut self, count: usize) {
+    /// Takes in `count` new segments, each a whole of its own, with seeds or without.
+    pub fn extend(&mut self, count: usize, has_seed: bool) {
         let (first, id) = (self.parent.len() as u32, self.next_id());
         self.parent.extend(first..first + count as u32);
-        self.whole.extend((id..id + count as i64).map(|id| (id, false)));
+        let whole = |id| Whole { id, points: 0, is_handed_out: false, has_seed };
+        self.whole.extend((id..id + count as i64).map(whole));
+    }
+
+    /// Notes that a segment holds a seed.
+    pub fn seed(&mut self, segment_id: SegmentId) {
+        let representative = self.find(self.position(segment_id));
+        self.whole[representative as usize].has_seed = true;
     }
 
     fn find(&mut self, segment: u32) -> u32 {
@@ -74,26 +109,33 @@ impl Carry {
         let (kept, lost) = if a < b { (a, b) } else { (b, a) };
         self.parent[lost as usize] = kept;
         let (first, second) = (self.whole[kept as usize], self.whole[lost as usize]);
-        let (winner, loser) = if first.0 < second.0 { (first, second) } else { (second, first) };
-        // An alias names the winner, so the winner's own end has to be told as well.
-        self.whole[kept as usize] = (winner.0, winner.1 || loser.1);
-        Some(Join { id: loser.0, becomes: winner.0, is_alias: loser.1 })
+        let (winner, loser) = if first.id < second.id { (first, second) } else { (second, first) };
+        self.whole[kept as usize] = Whole {
+            id: winner.id,
+            points: winner.points + loser.points,
+            // An alias names the winner, so the winner's own end has to be told as well.
+            is_handed_out: winner.is_handed_out || loser.is_handed_out,
+            has_seed: winner.has_seed || loser.has_seed,
+        };
+        Some(Join { id: loser.id, becomes: winner.id, is_alias: loser.is_handed_out })
     }
 
-    /// The id that is carried for a segment, about to be handed out.
-    pub fn hand_out(&mut self, segment_id: SegmentId) -> SegmentId {
+    /// The id that is carried for a segment, about to be handed out with so many points that go out of scope.
+    pub fn hand_out(&mut self, segment_id: SegmentId, points: usize) -> SegmentId {
         let representative = self.find(self.position(segment_id));
         let whole = &mut self.whole[representative as usize];
-        whole.1 = true;
-        whole.0
+        whole.points += points as u64;
+        whole.is_handed_out = true;
+        whole.id
     }
 
-    /// Forgets the segments before `segment_id`, none of which is in scope any more.
-    pub fn evict_before(&mut self, segment_id: SegmentId) {
+    /// Forgets the segments before `segment_id`, none of which is in scope any more; returns the wholes that are closed
+    /// by that.
+    pub fn evict_before(&mut self, segment_id: SegmentId) -> Vec<Closed> {
         let segment_id = segment_id.min(self.next_id());
         let leaving = self.position(segment_id);
         if leaving == 0 {
-            return;
+            return Vec::new();
         }
         // Of each whole, the smallest segment that stays becomes the representative.
         let mut heir: Vec<Option<u32>> = vec![None; self.parent.len()];
@@ -104,9 +146,13 @@ impl Carry {
             self.whole[heir as usize] = self.whole[representative];
             parent.push(heir - leaving);
         }
+        let is_closed = |segment: usize| self.parent[segment] == segment as u32 && heir[segment].is_none();
+        let closed = (0..leaving as usize).filter(|&segment| is_closed(segment));
+        let closed = closed.map(|segment| self.whole[segment].closed()).collect();
         self.parent = parent;
         self.whole.drain(..leaving as usize);
         self.base = segment_id;
+        closed
     }
 }
 
@@ -119,28 +165,52 @@ mod tests {
     #[test]
     fn the_smallest_id_is_carried_and_a_late_join_is_an_alias() {
         let mut carry = Carry::default();
-        carry.extend(2);
-        assert_eq!((carry.hand_out(1), carry.hand_out(2)), (1, 2));
-        carry.extend(2);
+        carry.extend(2, true);
+        assert_eq!((carry.hand_out(1, 1), carry.hand_out(2, 1)), (1, 2));
+        carry.extend(2, true);
         assert_eq!(carry.join(2, 3), Some(Join { id: 3, becomes: 2, is_alias: false }));
         assert_eq!(carry.join(3, 1), Some(Join { id: 2, becomes: 1, is_alias: true }));
         assert_eq!(carry.join(2, 1), None);
-        assert_eq!((carry.hand_out(3), carry.hand_out(4)), (1, 4));
+        assert_eq!((carry.hand_out(3, 1), carry.hand_out(4, 1)), (1, 4));
+    }
+
+    #[test]
+    fn a_whole_is_closed_with_its_last_segment_and_has_all_its_points_and_seeds() {
+        let mut carry = Carry::default();
+        carry.extend(4, false);
+        carry.join(1, 3);
+        for (segment, points) in [(1, 5), (2, 7), (3, 1), (1, 2)] {
+            carry.hand_out(segment, points);
+        }
+        assert_eq!(carry.evict_before(3), [Closed { id: 2, points: 7, has_seed: false }]);
+        carry.seed(3);
+        carry.hand_out(3, 2);
+        let rest = [Closed { id: 1, points: 10, has_seed: true }, Closed { id: 4, points: 0, has_seed: false }];
+        assert_eq!(carry.evict_before(i64::MAX), rest);
+        assert_eq!(carry.next_id(), 5);
     }
 
     proptest! {
-        /// Against a map from every id ever given to its whole, though the carry forgets the old ones.
+        /// Against maps from every id ever given to its whole, its points and its seed, though the carry forgets the old.
         #[test]
         fn equals_never_forgetting(
-            steps in prop::collection::vec((0usize..4, prop::collection::vec((0usize..99, 0usize..99), 0..4), 0usize..3), 1..60)
+            steps in prop::collection::vec(
+                (0usize..4, prop::collection::vec((0usize..99, 0usize..99), 0..4), 0usize..3, any::<bool>()), 1..60
+            )
         ) {
             let mut carry = Carry::default();
             let mut of: HashMap<i64, i64> = HashMap::new();
+            let (mut points, mut seeds) = (HashMap::new(), Vec::new());
+            let mut closed = Vec::new();
             let mut base = 1;
-            for (new, joins, leaving) in steps {
+            for (new, joins, leaving, seeded) in steps {
                 let first = carry.next_id();
-                carry.extend(new);
+                carry.extend(new, false);
                 of.extend((first..first + new as i64).map(|id| (id, id)));
+                if seeded && new > 0 {
+                    carry.seed(first);
+                    seeds.push(first);
+                }
                 let held = (carry.next_id() - base) as usize;
                 for (a, b) in joins.into_iter().filter(|_| held > 0) {
                     let (a, b) = (base + (a % held) as i64, base + (b % held) as i64);
@@ -149,12 +219,26 @@ mod tests {
                     prop_assert_eq!(joined, (p != q).then_some((p, q)));
                     of.values_mut().filter(|whole| **whole == q).for_each(|whole| *whole = p);
                 }
-                base = (base + leaving as i64).min(carry.next_id());
-                carry.evict_before(base);
                 for id in base..carry.next_id() {
-                    prop_assert_eq!(carry.hand_out(id), of[&id]);
+                    prop_assert_eq!(carry.hand_out(id, id as usize), of[&id]);
+                    *points.entry(id).or_insert(0) += id as u64;
                 }
+                base = (base + leaving as i64).min(carry.next_id());
+                closed.extend(carry.evict_before(base));
+                let open = |closed: &Closed| (base..carry.next_id()).any(|id| of[&id] == closed.id);
+                prop_assert!(!closed.iter().any(open));
             }
+            closed.extend(carry.evict_before(i64::MAX));
+            closed.sort_unstable_by_key(|whole| whole.id);
+            let whole = |&id: &i64| Closed {
+                id,
+                points: points.iter().filter(|(part, _)| of[part] == id).map(|(_, points)| points).sum(),
+                has_seed: seeds.iter().any(|part| of[part] == id),
+            };
+            let mut wholes: Vec<i64> = of.values().copied().collect();
+            wholes.sort_unstable();
+            wholes.dedup();
+            prop_assert_eq!(closed, wholes.iter().map(whole).collect::<Vec<_>>());
         }
     }
 }

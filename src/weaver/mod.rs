@@ -11,6 +11,11 @@
 //! 4. *Connect* the pairs in the segment-segment table ([`SegmentSegment`]); segments without a pair have none.
 //! 5. *Carry* the ids over: segments that are connected are one, and the smallest id stands for them ([`Carry`]). Late
 //!    joins are aliases ([`Aliases`]).
+//! 6. *Close* the wholes that have gone out of scope altogether: their sizes are known, so in the end some can be left
+//!    out, and the others be ordered ([`Selection`]).
+//!
+//! Whoever labels the windows can ask for more than shared points: segments that do not *agree* are no pair, and a whole
+//! none of whose labels holds a *seed* is left out in the end.
 //!
 //! The weaver never sees a coordinate. Steps 3 and 4 run on any number of threads, the ids do not depend on it.
 //!
@@ -21,15 +26,19 @@ mod carry;
 mod point_segment;
 mod replay;
 mod segment_segment;
+mod selection;
+mod settling;
 
 use std::collections::VecDeque;
 use std::ops::Range;
 
-pub use aliases::{Aliases, Settling};
-pub use carry::{Carry, Join};
+pub use aliases::Aliases;
+pub use carry::{Carry, Closed, Join};
 pub use point_segment::{Inserted, PointSegment};
 pub use replay::Replay;
 pub use segment_segment::{Pairs, SegmentRow, SegmentSegment};
+pub use selection::Selection;
+pub use settling::Settling;
 
 use crate::crew::Crew;
 use crate::label::{Labels, NONE, SegmentId};
@@ -49,6 +58,8 @@ pub struct Weaver {
     previous_first: u64,
     /// Late joins that no evicted span has told yet.
     untold: Vec<[SegmentId; 2]>,
+    /// Segments without a seed that no evicted span has told yet.
+    untold_seedless: Vec<SegmentId>,
     joins: i64,
 }
 
@@ -69,7 +80,15 @@ pub struct LabelledWindow<'a> {
     pub span_points: &'a [usize],
     /// One label per point, span by span.
     pub labels: &'a Labels,
+    /// For each label, whether one of its points may be a seed; none = every label has one.
+    pub seeded: Option<&'a [bool]>,
+    /// Asked once for each segment of an earlier window and each label of this that share points; where it says no they
+    /// are not a pair. None = sharing points is enough.
+    pub agrees: Option<&'a Agreement<'a>>,
 }
+
+/// Whether a segment in scope and a label of the window agree to be one; the answer depends on the two alone.
+pub type Agreement<'a> = dyn Fn(SegmentId, i32) -> bool + Sync + 'a;
 
 /// What is known of a span when it goes out of scope.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,7 +103,9 @@ pub struct EvictedSpan {
     pub segments: Vec<SegmentRow>,
     /// Late joins since the last span: an id that has been handed out, and what it has become.
     pub aliases: Vec<[SegmentId; 2]>,
-    /// Where the log of joins stood; [`Settling::rewind`] to here makes the carried ids final.
+    /// The segments without a seed of the windows woven since the last span.
+    pub seedless: Vec<SegmentId>,
+    /// Where the log stood; [`Settling::rewind`] to here makes the carried ids final.
     pub settles_at: u64,
 }
 
@@ -105,6 +126,7 @@ impl Default for Weaver {
             spans: VecDeque::new(),
             previous_first: 0,
             untold: Vec::new(),
+            untold_seedless: Vec::new(),
             joins: 0,
         }
     }
@@ -117,11 +139,14 @@ impl Weaver {
         self.previous_first = window.first_span;
         let first_id = self.carry.next_id();
         self.aliases.mark_births(first_id);
-        self.carry.extend(window.labels.count());
+        self.bear(window, first_id);
 
         let first_arrival = self.take_in(window);
         let runs = self.look_up(window.labels.of_points(), first_arrival, first_id, crew);
-        let pairs = self.connect(runs, first_id, crew);
+        let mut pairs = self.connect(runs, first_id, crew);
+        if let Some(agrees) = window.agrees {
+            pairs.retain(|&(from, label, _)| agrees(from, label));
+        }
         self.segments.push(window.index, first_id, &last_spans(window), &pairs);
         for row in self.segments.newest_pairs() {
             if let Some(join) = self.carry.join(row.segment_id, row.next_segment_id) {
@@ -138,6 +163,18 @@ impl Weaver {
     /// Ends the stream: everything left goes out of scope.
     pub fn finish(&mut self) -> Vec<EvictedSpan> {
         self.evict_before(u64::MAX)
+    }
+
+    /// Gives the window's labels their segment ids.
+    fn bear(&mut self, window: &LabelledWindow<'_>, first_id: SegmentId) {
+        self.carry.extend(window.labels.count(), window.seeded.is_none());
+        for (segment_id, &is_seeded) in (first_id..).zip(window.seeded.unwrap_or_default()) {
+            if is_seeded {
+                self.carry.seed(segment_id);
+            } else {
+                self.untold_seedless.push(segment_id);
+            }
+        }
     }
 
     /// Makes room for the window's new spans; returns the arrival of the window's first point.
@@ -188,7 +225,10 @@ impl Weaver {
             evicted.push(self.evict(span));
         }
         if !evicted.is_empty() {
-            self.carry.evict_before(self.segments.oldest_id().unwrap_or(self.carry.next_id()));
+            // After the spans have noted where the log stands, so that it is read before them.
+            for whole in self.carry.evict_before(self.oldest_live_id()) {
+                self.aliases.close(&whole);
+            }
         }
         evicted
     }
@@ -200,7 +240,7 @@ impl Weaver {
         let mut carried_ids = raw_ids.clone();
         for run in carried_ids.chunk_by_mut(|a, b| a == b) {
             if run[0] != NONE {
-                run.fill(self.carry.hand_out(run[0]));
+                run.fill(self.carry.hand_out(run[0], run.len()));
             }
         }
         self.points.evict_before(end);
@@ -210,11 +250,12 @@ impl Weaver {
             carried_ids,
             segments: self.segments.evict_with(span.index),
             aliases: std::mem::take(&mut self.untold),
+            seedless: std::mem::take(&mut self.untold_seedless),
             settles_at: self.aliases.len(),
         }
     }
 
-    /// The log of joins.
+    /// The log of joins and closings.
     pub fn aliases(&mut self) -> &mut Aliases {
         &mut self.aliases
     }
@@ -222,6 +263,12 @@ impl Weaver {
     /// The id that the next new segment gets.
     pub fn next_id(&self) -> SegmentId {
         self.carry.next_id()
+    }
+
+    /// No segment with a smaller id than this is in scope, so what is kept for such segments can be forgotten. The next
+    /// new id if no segment is in scope.
+    pub fn oldest_live_id(&self) -> SegmentId {
+        self.segments.oldest_id().unwrap_or_else(|| self.next_id())
     }
 
     /// How many times two segments have become one.

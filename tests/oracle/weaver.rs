@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use super::partition::components;
 use streamseg::label::{NONE, SegmentId};
-use streamseg::weaver::SegmentRow;
+use streamseg::weaver::{Closed, SegmentRow};
 
 /// A point: its span and its position there.
 type Point = (u64, usize);
@@ -25,6 +25,19 @@ pub struct SequentialWeaver {
     previous_first: u64,
     segments: SegmentId,
     pairs: Vec<(usize, usize)>,
+    /// Every point that was ever labelled, with its raw segment.
+    counted: HashMap<Point, SegmentId>,
+    /// Segments that hold a seed.
+    seeded: BTreeSet<SegmentId>,
+}
+
+/// What a segmentor says of a window.
+pub struct Said<'a> {
+    pub labels: &'a [i32],
+    /// Whether a label holds a seed.
+    pub is_seeded: &'a dyn Fn(i32) -> bool,
+    /// Whether an earlier segment and a label may be one.
+    pub agrees: &'a dyn Fn(SegmentId, i32) -> bool,
 }
 
 /// What leaves with a span.
@@ -37,24 +50,29 @@ pub struct Gone {
 }
 
 impl SequentialWeaver {
-    /// Weaves a window whose spans have so many points each and whose points have these labels.
-    pub fn weave(&mut self, window: i64, first_span: u64, span_points: &[usize], labels: &[i32]) -> Vec<Gone> {
+    /// Weaves a window whose spans have so many points each and of whose points this was said.
+    pub fn weave(&mut self, window: i64, first_span: u64, span_points: &[usize], said: &Said<'_>) -> Vec<Gone> {
         let gone = self.let_go_before(self.previous_first);
         self.previous_first = first_span;
         let spans = (first_span..).zip(span_points.iter().copied());
         self.spans.extend(spans.clone());
         let first_id = self.segments + 1;
         let points = spans.flat_map(|(span, points)| (0..points).map(move |position| (span, position)));
-        for (point, &label) in points.zip(labels).filter(|(_, label)| **label >= 0) {
+        for (point, &label) in points.zip(said.labels).filter(|(_, label)| **label >= 0) {
             let segment = first_id + SegmentId::from(label);
             self.segments = self.segments.max(segment);
             self.segment_segment.entry(segment).or_default();
             self.points_of.entry(segment).or_default().push(point);
+            self.counted.entry(point).or_insert(segment);
+            if (said.is_seeded)(label) {
+                self.seeded.insert(segment);
+            }
             match self.point_segment.get(&point) {
                 None => {
                     self.point_segment.insert(point, segment);
                 }
-                Some(&before) => self.connect(before, segment, window),
+                Some(&before) if (said.agrees)(before, label) => self.connect(before, segment, window),
+                Some(_) => (),
             }
         }
         gone
@@ -74,6 +92,27 @@ impl SequentialWeaver {
     /// The smallest id of the component of each id, as far as is known; by id.
     pub fn carried(&self) -> Vec<SegmentId> {
         components(self.segments as usize + 1, self.pairs.iter().copied())
+    }
+
+    /// Every whole that there is after the end, by id: its points, each counted once, and whether one is a seed.
+    pub fn wholes(&self) -> Vec<Closed> {
+        let whole_of = self.carried();
+        let mut wholes: BTreeMap<SegmentId, Closed> = BTreeMap::new();
+        for segment in 1..=self.segments {
+            let id = whole_of[segment as usize];
+            let whole = wholes.entry(id).or_insert(Closed { id, points: 0, has_seed: false });
+            whole.points += self.counted.values().filter(|raw| **raw == segment).count() as u64;
+            whole.has_seed |= self.seeded.contains(&segment);
+        }
+        wholes.into_values().collect()
+    }
+
+    /// Which wholes no later window can touch: none of their points is in scope.
+    pub fn closed(&self) -> Vec<SegmentId> {
+        let whole_of = self.carried();
+        let open: BTreeSet<SegmentId> = self.points_of.keys().map(|&segment| whole_of[segment as usize]).collect();
+        let wholes: BTreeSet<SegmentId> = whole_of[1..].iter().copied().collect();
+        wholes.difference(&open).copied().collect()
     }
 
     fn let_go_before(&mut self, first_span: u64) -> Vec<Gone> {

@@ -9,7 +9,7 @@ use streamseg::pipeline::{Outgoing, Pipeline};
 use streamseg::segmentor::Segmentor;
 use streamseg::settlement::Settlement;
 use streamseg::span::{Chunk, PointIds, Source, Span, SpanBy, spans_of};
-use streamseg::weaver::SegmentRow;
+use streamseg::weaver::{SegmentRow, Selection};
 use streamseg::window::{Window, WindowSize};
 
 /// How a cloud is streamed.
@@ -81,8 +81,8 @@ pub fn stream(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmento
     let raw = by_point(&|span| outgoing[span].segmented.raw_ids.clone());
     let carried = by_point(&|span| outgoing[span].segmented.carried_ids.clone());
     let (mut resolved_raw, mut resolved_carried) = (raw.clone(), carried.clone());
-    pipeline.aliases().resolve(&mut resolved_raw).unwrap();
-    pipeline.aliases().resolve(&mut resolved_carried).unwrap();
+    pipeline.aliases().resolve(&mut resolved_raw, &Selection::default()).unwrap();
+    pipeline.aliases().resolve(&mut resolved_carried, &Selection::default()).unwrap();
     let settled = settle(&mut pipeline, &outgoing, &point_ids);
     Outcome {
         with_aliases: follow(&carried, outgoing.iter().flat_map(|out| &out.segmented.aliases)),
@@ -127,7 +127,7 @@ fn settle(pipeline: &mut Pipeline, outgoing: &[Outgoing], point_ids: &[Vec<i64>]
         let segmented = &out.segmented;
         settlement.keep(segmented.index, point_ids, &segmented.carried_ids, &[], segmented.settles_at).unwrap();
     }
-    settlement.settle(pipeline.aliases()).unwrap();
+    settlement.settle(pipeline.aliases(), &Selection::default()).unwrap();
     settlement.map(|span| span.unwrap().segment_ids).collect()
 }
 
