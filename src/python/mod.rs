@@ -5,8 +5,10 @@
 
 mod arrays;
 mod errors;
+mod features;
 mod history;
 mod scenes;
+mod searches;
 mod segmentors;
 mod spans;
 mod stream;
@@ -21,6 +23,8 @@ mod _core {
     #[allow(non_upper_case_globals)] // the name that Python people look for
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
+    #[pymodule_export]
+    use super::features::_features;
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]

@@ -1,0 +1,51 @@
+//! Features of a whole cloud for Python.
+
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+
+use super::arrays::positions;
+use super::errors::{InvalidParameter, guarded};
+use super::searches::search;
+use crate::error::Error;
+use crate::features::{Feature, Fit, compute};
+use crate::lattice::{Lattice, is_valid};
+
+/// Computes the named features of points, (n, 3) float64: one (n,) float64 array per name.
+#[pyfunction]
+#[pyo3(signature = (points, names, *, k, search_radius, search_mode, normals, scale, offset))]
+#[allow(clippy::too_many_arguments)] // one keyword each for Python
+pub(super) fn _features<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    names: Vec<String>,
+    k: Option<i64>,
+    search_radius: Option<&Bound<'py, PyAny>>,
+    search_mode: &str,
+    normals: &str,
+    scale: Option<[f64; 3]>,
+    offset: Option<[f64; 3]>,
+) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
+    let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;
+    let search = search(k, search_radius, search_mode)?;
+    let fit: Fit = normals.parse()?;
+    let lattice = match (scale, offset) {
+        (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
+        _ => Lattice::REAL,
+    };
+    let points = positions(points)?;
+    let features = guarded(py, || {
+        if let Some(invalid) = points.iter().position(|point| !is_valid(point)) {
+            return Err(Error::NotFinite { point_id: invalid as i64, position: points[invalid] }.into());
+        }
+        let point_ids: Vec<i64> = (0..points.len() as i64).collect();
+        Ok(compute(&points, &point_ids, &lattice, search, fit, &wanted))
+    })?;
+    Ok(features.columns.into_iter().map(|column| column.into_pyarray(py)).collect())
+}
+
+fn feature(name: &str) -> PyResult<Feature> {
+    Feature::by_name(name).ok_or_else(|| {
+        let known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.name()).collect();
+        InvalidParameter::new_err(format!("feature is '{name}', allowed: {}", known.join(", ")))
+    })
+}
