@@ -78,6 +78,18 @@ pub enum Error {
         /// The slab the point lies in.
         to: i64,
     },
+    /// A criterion, filter or calculator cannot be understood or used.
+    #[error("{kind}, column {column}: {problem}\n{picture}")]
+    Expression {
+        /// "criterion", "filter" or "calculator".
+        kind: String,
+        /// Where in the text, in characters from 1.
+        column: usize,
+        /// What is wrong, what is allowed.
+        problem: String,
+        /// The text with a caret below the place.
+        picture: String,
+    },
     /// A segmentor returned something that are not labels of its window.
     #[error("segmentor '{segmentor}' {problem}")]
     Labels {

@@ -18,7 +18,9 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         let message = error.to_string();
         match error {
-            Error::InvalidParameter { .. } | Error::NoNeighborhood { .. } => InvalidParameter::new_err(message),
+            Error::InvalidParameter { .. } | Error::NoNeighborhood { .. } | Error::Expression { .. } => {
+                InvalidParameter::new_err(message)
+            }
             Error::NotFinite { .. }
             | Error::NotSorted { .. }
             | Error::Attribute { .. }
