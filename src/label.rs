@@ -1,7 +1,6 @@
 //! Labels, which mean something inside one window, and segment ids, which mean the same along the whole stream.
 
 use std::collections::HashMap;
-use std::ops::Range;
 
 /// A number that means the same along the whole stream: from 1 upward in window order, never reused.
 pub type SegmentId = i64;

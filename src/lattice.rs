@@ -68,11 +68,6 @@ impl Lattice {
         if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
     }
 
-    /// Steps of [`Self::horizontal`] per unit of the coordinates.
-    pub(crate) fn per_horizontal(&self) -> f64 {
-        if self.whole && self.scale[0] == self.scale[1] { 1.0 / self.scale[0] } else { 1.0 }
-    }
-
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
     /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]
@@ -81,6 +76,11 @@ impl Lattice {
         // At such a size only zero is meant, and triangulators refuse it. Adding zero makes 0 of −0.
         let flat = |c: f64| if c.abs() < SMALLEST_COORDINATE { 0.0 } else { c + 0.0 };
         [flat(point[0] * scale[0]), flat(point[1] * scale[1])]
+    }
+
+    /// The length of 1 in [horizontal](Self::horizontal) coordinates, in units of the coordinates.
+    pub(crate) fn horizontal_unit(&self) -> f64 {
+        if self.scale[0] == self.scale[1] { self.scale[0] } else { 1.0 }
     }
 }
 
@@ -102,49 +102,120 @@ pub enum Metric {
 }
 
 /// Decides whether two points lie within a distance of each other.
+///
+/// It measures in steps of the finest axis, so that squared distances on a lattice are exact whole numbers, wherever
+/// the scales are multiples of each other.
 #[derive(Debug, Clone, Copy)]
 pub struct Within {
+    /// Steps of the finest axis per step of each.
+    weights: [f64; 3],
+    /// The length of a step of the finest axis.
+    unit: f64,
+    /// Everything from here on is in these steps.
     distance: f64,
-    squared: f64,
-    scale: [f64; 3],
+    limit: f64,
     rounding: bool,
 }
 
 impl Within {
     /// Within `distance` (in real units) under `metric`, for points on `lattice`.
     pub fn new(distance: f64, metric: Metric, lattice: &Lattice) -> Self {
-        let mut scale = lattice.scale;
-        if metric == Metric::Xy {
-            scale[2] = 0.0;
+        let counted = if metric == Metric::Xy { &lattice.scale[..2] } else { &lattice.scale[..] };
+        let unit = counted.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut weights = [0.0; 3];
+        for (weight, scale) in weights.iter_mut().zip(counted) {
+            *weight = meant(scale / unit);
         }
-        Self { distance, squared: distance * distance * (1.0 + SQUARED_SLACK), scale, rounding: !lattice.whole }
+        let distance = distance / unit;
+        Self { weights, unit, distance, limit: distance * distance * (1.0 + SQUARED_SLACK), rounding: !lattice.whole }
     }
 
     /// Whether the pair is joined; a pair at exactly the distance is.
     #[inline]
     pub fn pair(&self, a: &[f64; 3], b: &[f64; 3]) -> bool {
-        let squared = self.squared_length(a, b);
-        // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
-        // coarse for the distance altogether.
-        squared <= self.squared
-            || (self.rounding && squared <= 4.0 * self.squared && self.pair_but_for_rounding(a, b, squared))
+        self.pair_if(self.squared(a, b), || (*a, *b))
     }
 
+    /// Whether the pair, whose squared distance is known, is joined.
     #[inline]
-    fn squared_length(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {
-        let d: [f64; 3] = std::array::from_fn(|k| (a[k] - b[k]) * self.scale[k]);
+    pub(crate) fn pair_if(&self, squared: f64, pair: impl FnOnce() -> ([f64; 3], [f64; 3])) -> bool {
+        // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
+        // coarse for the distance altogether.
+        squared <= self.limit
+            || (self.rounding && squared <= 4.0 * self.limit && {
+                let (a, b) = pair();
+                self.pair_but_for_rounding(&a, &b, squared)
+            })
+    }
+
+    /// Whether no pair at least as far apart as `squared`, of points whose coordinates are no larger than `largest`, is
+    /// joined.
+    #[inline]
+    pub(crate) fn excludes(&self, squared: f64, largest: impl FnOnce() -> ([f64; 3], [f64; 3])) -> bool {
+        !self.pair_if(squared, largest)
+    }
+
+    /// The squared distance of two points in steps of the finest axis; the same in either direction.
+    #[inline]
+    pub fn squared(&self, a: &[f64; 3], b: &[f64; 3]) -> f64 {
+        let d: [f64; 3] = std::array::from_fn(|k| (a[k] - b[k]) * self.weights[k]);
         d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
+    }
+
+    /// Steps of the finest axis per step of each; 0 for an axis that does not count.
+    pub(crate) fn weights(&self) -> [f64; 3] {
+        self.weights
+    }
+
+    /// The length of a squared distance, in real units.
+    pub fn length(&self, squared: f64) -> f64 {
+        squared.sqrt() * self.unit
     }
 
     /// The difference of two rounded coordinates is off by at most one unit in the last place of the larger one.
     fn pair_but_for_rounding(&self, a: &[f64; 3], b: &[f64; 3], squared: f64) -> bool {
         let mut off = 0.0;
         for k in 0..3 {
-            let unit = a[k].abs().max(b[k].abs()) * f64::EPSILON * self.scale[k];
+            let unit = unit_in_the_last_place(a[k], b[k]) * self.weights[k];
             off += unit * unit;
         }
         squared.sqrt() - off.sqrt() <= self.distance
     }
+}
+
+/// Decides whether a point lies as much above another as allowed; exactly as much will do.
+#[derive(Debug, Clone, Copy)]
+pub struct Rise {
+    low: f64,
+    high: f64,
+    rounding: bool,
+}
+
+impl Rise {
+    /// From `low` to `high` (in real units) above, for points on `lattice`.
+    pub fn new(low: f64, high: f64, lattice: &Lattice) -> Self {
+        let steps = |height: f64| meant(height / lattice.scale[2]);
+        Self { low: steps(low), high: steps(high), rounding: !lattice.whole }
+    }
+
+    /// Whether a point at the height `to` is as much above one at `from` as allowed.
+    #[inline]
+    pub fn pair(&self, from: f64, to: f64) -> bool {
+        let off = if self.rounding { unit_in_the_last_place(from, to) } else { 0.0 };
+        self.low - off <= to - from && to - from <= self.high + off
+    }
+}
+
+/// Of two rounded numbers, that of the larger one.
+#[inline]
+fn unit_in_the_last_place(a: f64, b: f64) -> f64 {
+    a.abs().max(b.abs()) * f64::EPSILON
+}
+
+/// A quotient of two decimal numbers: 0.01 / 0.001 is meant to be 10, and 0.3 / 0.1 to be 3.
+fn meant(quotient: f64) -> f64 {
+    let whole = quotient.round();
+    if (quotient - whole).abs() <= 1e-9 * whole.abs() { whole } else { quotient }
 }
 
 #[cfg(test)]
@@ -169,6 +240,30 @@ mod tests {
             let (x, y) = (i * 7919 % 100_003, i * 104_729 % 99_991);
             assert!(within.pair(&real(x, y), &real(x + 36, y + 48)), "point ({x}, {y})");
             assert!(!within.pair(&real(x, y), &real(x + 36, y + 49)), "point ({x}, {y})");
+        }
+    }
+
+    #[test]
+    fn the_scales_of_the_axes_are_counted_in_the_finest() {
+        let lattice = Lattice::new([0.01, 0.002, 0.001], [0.0; 3]).unwrap();
+        let within = Within::new(0.6, Metric::Xyz, &lattice);
+        // 36 · 10, 240 · 2 and 600.
+        assert_eq!(within.squared(&[36.0, 240.0, 0.0], &[0.0; 3]), 360_000.0);
+        assert!(within.pair(&[36.0, 240.0, 0.0], &[0.0; 3]) && !within.pair(&[36.0, 240.0, 1.0], &[0.0; 3]));
+        assert_eq!(within.length(360_000.0), 0.6);
+        assert_eq!(Within::new(0.6, Metric::Xy, &lattice).squared(&[1.0, 5.0, 9.0], &[0.0; 3]), 50.0);
+    }
+
+    #[test]
+    fn a_rise_of_exactly_the_limit_is_allowed() {
+        let rise = Rise::new(-0.15, 0.3, &Lattice::new([0.01; 3], [0.0; 3]).unwrap());
+        assert!(rise.pair(1000.0, 985.0) && rise.pair(1000.0, 1030.0));
+        assert!(!rise.pair(1000.0, 984.0) && !rise.pair(1000.0, 1031.0));
+        let real = Rise::new(-0.15, 0.3, &Lattice::REAL);
+        let height = |steps: i32| f64::from(steps) * 0.01;
+        for z in 0..20_000 {
+            assert!(real.pair(height(z), height(z - 15)) && real.pair(height(z), height(z + 30)), "{z}");
+            assert!(!real.pair(height(z), height(z - 16)) && !real.pair(height(z), height(z + 31)), "{z}");
         }
     }
 

@@ -120,6 +120,13 @@ impl Pipeline {
         self
     }
 
+    /// Names the attributes that chunks bring along, if they are others than those that the segmentor reads.
+    #[must_use]
+    pub fn with_attributes(mut self, names: Vec<String>) -> Self {
+        self.slider = self.slider.with_attributes(names);
+        self
+    }
+
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
         if let Some(spans) = &mut self.spans {
@@ -193,7 +200,7 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, .. } = match labels {
+        let Segmented { labels, seeded, .. } = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -203,7 +210,7 @@ impl Pipeline {
         let begun = Instant::now();
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
-        let (seeded, agrees) = (None, None);
+        let (seeded, agrees) = (seeded.as_deref(), None);
         let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels, seeded, agrees };
         let first_segment_id = self.weaver.next_id();
         let evicted = self.weaver.weave(&window, &self.crew);

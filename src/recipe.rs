@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::attribute::is_same_name;
 use crate::error::{Error, Result};
 use crate::expression::Filter;
-use crate::features::{Feature, Fit, compute};
+use crate::features::{Feature, Fit, compute, compute_and_keep};
 use crate::neighborhood::Search;
 use crate::preprocessing::{Preprocessed, Stage};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
@@ -50,11 +50,11 @@ pub struct Recipe {
 }
 
 impl Recipe {
-    /// A recipe for a cloud that has the attributes `available`.
+    /// A recipe for a cloud that has the attributes `available`; if it `has_more`, any other name may be one too.
     ///
     /// # Errors
     /// If something needs an attribute that the cloud does not have and that cannot be computed.
-    pub fn new(ingredients: Ingredients, available: &[String]) -> Result<Self> {
+    pub fn new(ingredients: Ingredients, available: &[String], has_more: bool) -> Result<Self> {
         let mut recipe = Self {
             reads: vec![],
             coordinates: vec![],
@@ -63,18 +63,25 @@ impl Recipe {
             ingredients,
         };
         let mut needed = recipe.ingredients.segmentor.attributes();
+        let known = known_to_all(available);
+        if !has_more {
+            recipe.ingredients.segmentor.check(&known)?;
+        }
         for filter in [&recipe.ingredients.filter, &recipe.ingredients.seed_filter].into_iter().flatten() {
+            if !has_more {
+                filter.check(&known)?;
+            }
             needed.extend(filter.attributes().map(ToString::to_string));
         }
         for name in needed {
-            recipe.provide(&name, available)?;
+            recipe.provide(&name, available, has_more)?;
         }
         Ok(recipe)
     }
 
     /// Decides where an attribute comes from: the cloud before all else, so that what was measured or computed with
     /// more care is used.
-    fn provide(&mut self, name: &str, available: &[String]) -> Result<()> {
+    fn provide(&mut self, name: &str, available: &[String], has_more: bool) -> Result<()> {
         if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
             if !self.reads.contains(column) {
                 self.reads.push(column.clone());
@@ -90,6 +97,8 @@ impl Recipe {
             if !self.features.contains(&feature) {
                 self.features.push(feature);
             }
+        } else if has_more {
+            self.reads.push(name.to_string());
         } else {
             return Err(Error::unknown_attribute(name, available));
         }
@@ -109,7 +118,14 @@ impl Recipe {
         }
         let (Some(search), false) = (self.search, self.features.is_empty()) else { return };
         let fit = self.ingredients.fit;
-        let computed = compute(window.points(), window.point_ids(), window.lattice(), search, fit, &self.features);
+        let (points, point_ids, lattice) = (window.points(), window.point_ids(), window.lattice());
+        let computed = if self.keeps_neighbors(search) {
+            let (computed, kept) = compute_and_keep(points, point_ids, lattice, search, fit, &self.features);
+            window.set_neighborhoods(kept);
+            computed
+        } else {
+            compute(points, point_ids, lattice, search, fit, &self.features)
+        };
         for (feature, values) in self.features.iter().zip(computed.columns) {
             window.columns_mut().set(feature.name(), values);
         }
@@ -120,6 +136,13 @@ impl Recipe {
             // Now and then one reach for all is less than each point's own, but it says which part of the map is final.
             window.shrink(search.reach());
         }
+    }
+
+    /// Whether the neighbors found for features are those that the segmentor would find: with a filter they are not, since
+    /// features are those of the whole cloud. How many lie within a radius has no limit, and neither has the memory.
+    fn keeps_neighbors(&self, search: Search) -> bool {
+        let Ingredients { segmentor, filter, .. } = &self.ingredients;
+        segmentor.looks_at_neighbors() && filter.is_none() && matches!(search, Search::Nearest { .. })
     }
 
     /// The positions of the points that take part.
@@ -179,6 +202,20 @@ impl Recipe {
         let problem = format!("returned {given} labels for window {} of {points} points", window.index());
         Err(Error::Labels { segmentor: self.name().into(), problem })
     }
+}
+
+/// The coordinates, the attributes of the cloud, and the features that can be computed.
+fn known_to_all(available: &[String]) -> Vec<String> {
+    let features = Feature::ALL
+        .iter()
+        .map(|feature| feature.name())
+        .filter(|name| !available.iter().any(|other| is_same_name(other, name)));
+    COORDINATES
+        .into_iter()
+        .chain(available.iter().map(String::as_str))
+        .chain(features)
+        .map(ToString::to_string)
+        .collect()
 }
 
 impl Segmentor for Recipe {

@@ -34,6 +34,24 @@ impl UnionFind {
         }
     }
 
+    /// The smallest member of the set of `a`. Shortens the way there, for the next time.
+    #[inline]
+    pub fn find(&mut self, mut a: u32) -> u32 {
+        let parent = &mut self.parent;
+        while parent[a as usize] != a {
+            let next = parent[parent[a as usize] as usize];
+            parent[a as usize] = next;
+            a = next;
+        }
+        a
+    }
+
+    /// Whether `a` and `b` are in one set.
+    #[inline]
+    pub fn same(&mut self, a: u32, b: u32) -> bool {
+        self.parent[a as usize] == self.parent[b as usize] || self.find(a) == self.find(b)
+    }
+
     /// The smallest member of every number's set; ends the unions.
     pub fn into_representatives(mut self) -> Vec<u32> {
         // Parents are smaller than children, so one pass upward finds each parent already resolved.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
 use crate::lattice::{Lattice, is_valid};
+use crate::neighborhood::Neighborhoods;
 use crate::span::{Extent, Span};
 
 /// How many spans a window has and how many of them it shares with the next.
@@ -89,6 +90,8 @@ pub struct Window {
     is_final: Option<Vec<bool>>,
     /// Which points may be seeds, where some may not.
     seeds: Option<Vec<bool>>,
+    /// The neighbors of all points, where they were kept.
+    neighborhoods: Option<Neighborhoods>,
 }
 
 impl Window {
@@ -125,6 +128,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         };
         if window.points.iter().all(is_valid) {
             return window;
@@ -152,6 +156,7 @@ impl Window {
             }),
             is_final: self.is_final.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
             seeds: self.seeds.as_ref().map(|flags| kept.iter().map(|i| flags[at(i)]).collect()),
+            neighborhoods: self.neighborhoods.as_ref().map(|all| all.restricted(kept)),
         }
     }
 
@@ -170,6 +175,7 @@ impl Window {
             valid: None,
             is_final: None,
             seeds: None,
+            neighborhoods: None,
         }
     }
 
@@ -232,23 +238,20 @@ impl Window {
     /// Makes the part of the map smaller by `margin`, in units of the coordinates, wherever it has a border, because
     /// beyond that something about the points is not final.
     pub fn shrink(&mut self, margin: f64) {
-        let margin = margin * self.lattice.per_horizontal();
-        if let Some(extent) = &mut self.extent {
-            extent.low += margin;
-            extent.high -= margin;
-        }
+        self.extent = self.extent.map(|extent| extent.shrunk(margin, &self.lattice));
     }
 
-    /// Whether everything within `radius` of `point` on the map, in units of the coordinates, has been loaded. Without an
-    /// extent nothing is known, and everything counts as loaded.
+    /// Whether every point of the cloud within `radius` (in units of the coordinates) of `point` on the map is in this
+    /// window. Where spans are cut in stream order nothing is known, and it counts as true.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
-        let Some(Extent { direction, low, high }) = self.extent else { return true };
+        self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
+    }
+
+    /// Whether a place is among the window's own spans, not in its halo.
+    pub fn is_own(&self, point: &[f64; 3]) -> bool {
+        let Some(Extent { direction, low, high, .. }) = extent_of(self.own_spans()) else { return true };
         let [x, y] = self.lattice.horizontal(point);
-        let (along, radius) = (direction[0] * x + direction[1] * y, radius * self.lattice.per_horizontal());
-        // The borders are exact on a lattice; elsewhere rounding must not make more of the window than there is.
-        let slack = (along.abs() + radius) * ROUNDING;
-        (low == f64::NEG_INFINITY || along - radius >= low + slack)
-            && (high == f64::INFINITY || along + radius <= high - slack)
+        (low..high).contains(&(direction[0] * x + direction[1] * y))
     }
 
     /// Whether all that is known of the point is final: no other window can know more.
@@ -276,6 +279,16 @@ impl Window {
         self.seeds.as_deref()
     }
 
+    /// The neighbors of all points, where somebody searched for them already.
+    pub fn neighborhoods(&self) -> Option<&Neighborhoods> {
+        self.neighborhoods.as_ref()
+    }
+
+    /// Keeps the neighbors of all points.
+    pub fn set_neighborhoods(&mut self, neighborhoods: Neighborhoods) {
+        self.neighborhoods = Some(neighborhoods);
+    }
+
     /// How many points the spans have, valid or not, halo included.
     pub fn len(&self) -> usize {
         count(&self.spans)
@@ -290,9 +303,6 @@ impl Window {
 fn count(spans: &[Arc<Span>]) -> usize {
     spans.iter().map(|span| span.len()).sum()
 }
-
-/// Relative slack of positions along a direction.
-const ROUNDING: f64 = 1e-12;
 
 fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {
     let (first, last) = (spans.first()?.extent?, spans.last()?.extent?);
@@ -336,7 +346,7 @@ impl Slider {
     pub fn with_halo(mut self, halo: Halo) -> Self {
         // Lengths are compared with borders of spans, which rounding may have moved.
         self.halo = match halo {
-            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) * self.lattice.per_horizontal()),
+            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) / self.lattice.horizontal_unit()),
             halo => halo,
         };
         self

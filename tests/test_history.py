@@ -66,7 +66,14 @@ def test_the_manifest_tells_the_truth(tmp_path: Path, data: Path) -> None:
         "format": "streamseg history",
         "version": 1,
         "source": str(path),
-        "parameters": {"segmentor": repr(ss.Proximity(1.0)), "spans": repr(spans), "window": repr(window)},
+        "parameters": {
+            "segmentor": repr(ss.Proximity(1.0)),
+            "spans": repr(spans),
+            "window": repr(window),
+            "min_segment_size": 1,
+            "max_segment_size": None,
+            "sort": "native",
+        },
         "promise": run.promise,
         "complete": True,
         "points": 37_657,
@@ -151,6 +158,17 @@ def test_a_run_that_is_killed_leaves_all_but_the_part_under_way(tmp_path: Path) 
     assert all(np.all(segments == 1) for _, segments in past.resolve())
 
 
+def test_a_history_from_before_there_were_limits_is_read(folder: Path, tmp_path: Path) -> None:
+    final = resolve(folder)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    for option in ("min_segment_size", "max_segment_size", "sort"):
+        del manifest["parameters"][option]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    shutil.rmtree(folder / "seedless")
+    assert np.array_equal(resolve(folder), final)
+    assert len(ss.History(folder).to_csv(tmp_path / "csv")) == 4
+
+
 def spoil_manifest(text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / "manifest.json").write_text(text)
 
@@ -192,6 +210,17 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], type[ss.StreamsegError], str]]
     "newer version": (change_manifest(version=2), ss.InvalidInput, "has format version 2, this version reads 1"),
     "no number of parts": (change_manifest(parts=None), ss.InvalidInput, "manifest.json is damaged"),
     "no number of ids": (change_manifest(segment_ids=None), ss.InvalidInput, "manifest.json is damaged"),
+    "no parameters": (change_manifest(parameters=None), ss.InvalidInput, "manifest.json is damaged"),
+    "limits in words": (
+        change_manifest(parameters={"min_segment_size": "three", "max_segment_size": None, "sort": "native"}),
+        ss.InvalidInput,
+        r"manifest\.json is damaged: its limits of size are \('three', None, 'native'\)",
+    ),
+    "limits that cannot be": (
+        change_manifest(parameters={"min_segment_size": 5, "max_segment_size": 4, "sort": "native"}),
+        ss.InvalidInput,
+        r"manifest\.json is damaged: its limits of size are \(5, 4, 'native'\)",
+    ),
     "parts in words": (change_manifest(parts="three"), ss.InvalidInput, "manifest.json is damaged"),
     "fewer ids than there are": (change_manifest(segment_ids=2), ss.StreamsegError, "the history is damaged"),
     "more parts than there are": (change_manifest(parts=99), ss.FileError, "cannot be read, the history is damaged"),

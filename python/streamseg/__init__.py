@@ -1,11 +1,23 @@
 """Segments point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.
 
 `stream` is the framework as an iterator over spans; `segment` and `segment_static` return the labels of a whole cloud;
-`segment_file` and `resolve_file` go from file to file.
+`segment_file` and `resolve_file` go from file to file; `features` tells what the surface is like around each point.
 """
 
 from . import scenes
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, WindowPoints, __version__
+from ._core import (
+    ConditionalClustering,
+    Proximity,
+    RegionGrowing,
+    Segmentor,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    WindowPoints,
+    __version__,
+)
 from .errors import (
     FileError,
     InvalidInput,
@@ -17,21 +29,27 @@ from .errors import (
     StreamsegError,
     StreamsegWarning,
 )
+from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import preview
-from .stream import Progress, Span, Stream, segment, segment_static, stream
+from .run import segment, segment_static, stream
+from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
+    "ConditionalClustering",
     "FileError",
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "LeftOut",
     "MissingExtra",
     "Outcome",
     "OutputExists",
     "Progress",
     "Proximity",
+    "RegionGrowing",
+    "Segmentor",
     "SegmentorError",
     "Span",
     "SpanByCount",
@@ -45,6 +63,7 @@ __all__ = [
     "Window",
     "WindowPoints",
     "__version__",
+    "features",
     "preview",
     "resolve_file",
     "scenes",

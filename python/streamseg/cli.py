@@ -9,19 +9,19 @@ import warnings
 from collections.abc import Iterator
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, NoReturn, TextIO
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
 from . import __version__, description
-from ._core import Proximity, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ._core import Proximity, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
 from .errors import InvalidParameter, StreamsegError, StreamsegWarning
 from .files import Outcome, resolve_file, segment_file
 from .history import History
 from .preview import check_preview
 from .preview import preview as draw_preview
 from .progress import ProgressBars
-from .stream import SpanBy
+from .run import SpanBy
 
 # Exit status: 0 done, 1 internal error, 2 wrong usage or input; 130 after Ctrl-C, as shells have it.
 _INTERNAL = 1
@@ -123,7 +123,7 @@ def segment(
             on_open=bars.on_open,
         )
     if not quiet:
-        _summarize(outcome, output, history, result)
+        _summarize(outcome, segmentor, output, history, result)
     if preview is not None:
         draw_preview(output, preview, overwrite=overwrite)
         _say(f"picture in {preview}", quiet)
@@ -179,21 +179,31 @@ def _spans(
     except ValueError:
         azimuth = direction
     if width is None:
-        width = default_spans(segmentor).width
+        width = default_spans(Recipe(segmentor, [], True), None, None).width
     return SpanByWidth(width, azimuth)
 
 
-def _summarize(outcome: Outcome, output: Path, history: Path | None, result: Result) -> None:
+def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:
     noun = {"final": "segments", "carry": "segments as far as was known", "history": "raw segment ids"}[result.value]
     typer.echo(
-        f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}, {outcome.windows:,} windows; "
-        f"{outcome.promise}"
+        f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
+        f"{outcome.windows:,} windows; {outcome.promise}"
     )
     if outcome.aliases:
         where = f"they are in {history / 'alias'}" if history else "--history keeps them, --result final applies them"
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
     if history is not None:
         typer.echo(f"history in {history}")
+
+
+def _left_out(outcome: Outcome, segmentor: Any) -> str:
+    if not outcome.left_out.segments:
+        return ""
+    smallest, largest = (getattr(segmentor, name, None) for name in ("min_segment_size", "max_segment_size"))
+    reasons = [f"smaller than {smallest:,} points"] if smallest is not None and smallest > 1 else []
+    reasons += [f"larger than {largest:,} points"] if largest is not None else []
+    why = " or ".join(reasons) or "without a seed"
+    return f", {outcome.left_out.segments:,} {why} left out ({outcome.left_out.points:,} points)"
 
 
 def _say(sentence: str, quiet: bool = False) -> None:
@@ -206,11 +216,14 @@ def resolve(
     history: Annotated[Path, typer.Argument(metavar="HISTORY", help="Folder of the history of a run over IN.")],
     inputs: Inputs,
     output: Output,
+    limits: Annotated[
+        bool, typer.Option("--limits/--no-limits", help="Leave out the segments that the run left out by their size.")
+    ] = True,
     overwrite: Overwrite = False,
 ) -> None:
     """Write IN to OUT with the final segment ids that HISTORY resolves to."""
     with ProgressBars() as bars:
-        points = resolve_file(history, inputs, output, overwrite=overwrite, on_write=bars.on_write)
+        points = resolve_file(history, inputs, output, limits=limits, overwrite=overwrite, on_write=bars.on_write)
     typer.echo(f"{output}: {points:,} points with final segment ids")
     if not History(history).manifest["complete"]:
         raise typer.Exit(_WRONG)

@@ -13,8 +13,9 @@ from ._core import Window
 from .errors import InvalidInput, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
+from .run import SpanBy, stream
 from .source import PathLike, counted, open_source
-from .stream import Progress, Result, SpanBy, Stream, stream
+from .stream import LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):
@@ -26,6 +27,8 @@ class Outcome(NamedTuple):
     """Windows woven."""
     segments: int
     """Segments they are in; raw ids with ``result="history"``."""
+    left_out: LeftOut
+    """What the limits of the segmentor leave out (``result="final"``)."""
     aliases: int
     """Ids handed out that have become another's (``result="carry"``)."""
     promise: str
@@ -98,7 +101,7 @@ def segment_file(
     if on_open is not None:
         on_open(cloud.point_count)
     interrupt = _Interrupt()
-    source = open_source(cloud, spans)
+    source = open_source(cloud)
     with interrupt, LabelSpool() as labels:
         run = stream(
             counted(source, _first(interrupt.check, on_read)),
@@ -125,14 +128,14 @@ def segment_file(
                 with contextlib.suppress(Exception):
                     aliases += _label(run, labels)
         interrupt.disarm()
-        progress = run.progress
+        progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
             raise failure
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
-    return Outcome(points, progress.windows, segments, aliases, run.promise, cloud.damage)
+    return Outcome(points, progress.windows, segments, left_out, aliases, run.promise, cloud.damage)
 
 
 class _Interrupt:
@@ -195,6 +198,7 @@ def resolve_file(
     inputs: PathLike | Sequence[PathLike],
     output: PathLike,
     *,
+    limits: bool = True,
     overwrite: bool = False,
     on_write: Callable[[int], None] | None = None,
 ) -> int:
@@ -206,6 +210,8 @@ def resolve_file(
         Folder of the history of a run over the same input.
     inputs, output, overwrite, on_write
         As for `segment_file`.
+    limits : bool, default True
+        As for `History.resolve`.
 
     Returns
     -------
@@ -234,7 +240,7 @@ def resolve_file(
     cloud = open_cloud(paths)
     _check_origin(past, cloud)
     with LabelSpool() as labels:
-        for point_ids, segment_ids in past.resolve():
+        for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
         return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
 

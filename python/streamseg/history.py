@@ -1,8 +1,9 @@
 """The history of a run: a folder that keeps the whole story of points and segments.
 
 ``manifest.json`` says what was done. ``point_segment/`` holds the raw segment id of every point, ``segment_segment/``
-every successor of every segment, ``window/`` the windows, ``alias/`` the late joins of a run that carried ids. All are
-Parquet, in parts with equal numbers: what went out of scope together is in parts of the same number.
+every successor of every segment, ``window/`` the windows, ``alias/`` the late joins of a run that carried ids, and
+``seedless/`` the segments that hold no seed, where seeds were asked for. All are Parquet, in parts with equal numbers:
+what went out of scope together is in parts of the same number.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._core import Replay, Settlement
-from .errors import FileError, InvalidInput, MissingExtra, OutputExists
+from .errors import FileError, InvalidInput, InvalidParameter, MissingExtra, OutputExists
 
 if TYPE_CHECKING:
     import pyarrow
@@ -32,6 +33,7 @@ _COLUMNS = {
     "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
     "window": ("window", "first_span", "spans", "points", "first_segment_id", "segments"),
     "alias": ("segment_id", "becomes", "span"),
+    "seedless": ("segment_id", "span"),
 }
 
 # Counts beyond this are damage.
@@ -53,7 +55,7 @@ class HistoryWriter:
     """Writes a history while a stream runs."""
 
     def __init__(
-        self, folder: Path, *, source: str, parameters: dict[str, str], promise: str, overwrite: bool = False
+        self, folder: Path, *, source: str, parameters: dict[str, Any], promise: str, overwrite: bool = False
     ) -> None:
         self._parquet = _parquet()
         self._folder = folder
@@ -86,6 +88,8 @@ class HistoryWriter:
             if with_aliases:
                 told = np.full(len(span.aliases), span.index, np.int64)
                 self._waiting["alias"].append(np.column_stack([span.aliases, told]))
+            told = np.full(len(span.seedless), span.index, np.int64)
+            self._waiting["seedless"].append(np.column_stack([span.seedless, told]))
             # A span without points is a row of its own: there may be any number of them.
             self._waiting_rows += 1 + len(spans) + len(span.segments)
             self._next_span = span.index + 1
@@ -171,6 +175,7 @@ class Part(NamedTuple):
     raw_ids: NDArray[np.int64]
     segment_ids: NDArray[np.int64]
     next_segment_ids: NDArray[np.int64]
+    seedless: NDArray[np.int64]
 
 
 class History:
@@ -212,6 +217,8 @@ class History:
             raise InvalidInput(f"{path} is damaged: it is no manifest of a history") from None
         if version != FORMAT_VERSION:
             raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
+        if not isinstance(manifest.get("parameters"), dict):
+            raise InvalidInput(f"{path} is damaged: it has no parameters")
         for count in ("points", "spans", "windows", "segment_ids", "parts"):
             if not isinstance(manifest.get(count), int) or not 0 <= manifest[count] < _MOST:
                 raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
@@ -222,12 +229,31 @@ class History:
         for part in range(self.manifest["parts"]):
             points = self._read("point_segment", part)
             segments = self._read("segment_segment", part)
-            yield Part(points["point_id"], points["segment_id"], segments["segment_id"], segments["next_segment_id"])
+            yield Part(
+                points["point_id"],
+                points["segment_id"],
+                segments["segment_id"],
+                segments["next_segment_id"],
+                self._read("seedless", part)["segment_id"] if self._has_limits else np.empty(0, np.int64),
+            )
 
-    def resolve(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    @property
+    def _has_limits(self) -> bool:
+        """Histories of earlier versions know neither limits nor seeds."""
+        return "min_segment_size" in self.manifest["parameters"]
+
+    def resolve(self, *, limits: bool = True) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Turn the raw ids of all points into final ids, in bounded memory.
 
-        Two sweeps: forwards, ids are carried as the segments' successors are told; backwards, they are settled.
+        Two sweeps: forwards, ids are carried as the segments' successors are told, and points are counted; backwards,
+        they are settled.
+
+        Parameters
+        ----------
+        limits : bool, default True
+            Whether the limits of size, the seeds and the order that the run had (they are in the manifest) apply: what
+            they leave out becomes -1. Without, the points of segments that are too small can be found. Numbering by
+            size takes 16 bytes of memory for each segment that is kept.
 
         Yields
         ------
@@ -244,16 +270,28 @@ class History:
         points = 0
         for index, part in enumerate(self.parts()):
             points += len(part.point_ids)
-            carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.raw_ids)
+            carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.seedless, part.raw_ids)
             settlement.keep_ids(index, part.point_ids, carried, position)
         if points != self.manifest["points"]:
             raise InvalidInput(
                 f"the history is damaged: the parts in {self.folder} hold {points:,} points, "
                 f"the manifest says {self.manifest['points']:,}"
             )
-        replay.settle(settlement)
+        self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
+
+    def _settle(self, replay: Replay, settlement: Settlement, limits: bool) -> None:
+        if not (limits and self._has_limits):
+            replay.settle(settlement)
+            return
+        kept = tuple(
+            self.manifest["parameters"].get(option) for option in ("min_segment_size", "max_segment_size", "sort")
+        )
+        try:
+            replay.settle(settlement, kept)
+        except (TypeError, OverflowError, InvalidParameter) as error:
+            raise InvalidInput(f"{self.folder / MANIFEST} is damaged: its limits of size are {kept}") from error
 
     def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> list[Path]:
         """Write each table as one CSV file with a header line; returns the files."""
@@ -262,6 +300,8 @@ class History:
 
         written = []
         for table in _COLUMNS:
+            if table == "seedless" and not self._has_limits:
+                continue
             path = Path(folder) / f"{table}.csv"
             if path.exists() and not overwrite:
                 raise OutputExists(f"{path} exists; give another folder, or overwrite=True (--overwrite)")

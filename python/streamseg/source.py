@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import SpanByScanLine, SpanByTime, SpanByWidth
+from ._core import SpanByScanLine, SpanByTime
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
 PathLike = str | Path
 Spans = Any
+# Of an array the values of each attribute; of a live source the names of those that its items bring along.
+Attributes = Mapping[str, ArrayLike] | Sequence[str]
 
 # Points that are handed to the core at a time.
 _CHUNK = 250_000
@@ -26,40 +28,57 @@ CoreChunk = tuple[ArrayLike, tuple[ArrayLike, ...]]
 class Source(NamedTuple):
     """Where points come from.
 
-    chunks : yields what the core takes, each time it is called
+    chunks : yields what the core takes, with the attributes of the given names, each time it is called
+    attributes : names of the attributes that can be asked for
+    has_more : whether there may be others too, as in a live source, which has announced nothing
     stored : whether the points are there already and may be in any order, as in a file or an array
     scale, offset : the lattice of the points; None for real coordinates
     point_count : how many points are announced, if known
     damage : tells, after reading, what could not be read
     name : for people and manifests
+    extent_x : how far the points reach along x, if known without reading them
+    can_be_stored : whether it has an end, so that spans by width may be laid out before the first is given
     """
 
-    chunks: Callable[[], Iterator[CoreChunk]]
+    chunks: Callable[[Sequence[str]], Iterator[CoreChunk]]
     stored: bool
+    attributes: tuple[str, ...] = ()
+    has_more: bool = False
     scale: tuple[float, float, float] | None = None
     offset: tuple[float, float, float] | None = None
     point_count: int | None = None
     damage: Callable[[], str | None] = lambda: None
     name: str = "array"
+    extent_x: float | None = None
+    can_be_stored: bool = False
 
 
-def open_source(source: Any, spans: Spans, attributes: Mapping[str, ArrayLike] | None = None) -> Source:
+def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     """Make a `Source` of a path, several paths, a cloud, an array, or an iterable of arrays."""
     if isinstance(source, Source):
         return source
     if isinstance(source, Cloud):
-        return _of_cloud(source, spans)
+        return _of_cloud(source)
     if isinstance(source, (str, Path)):
-        return _of_cloud(open_cloud(source), spans)
+        return _of_cloud(open_cloud(source))
     if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
-        return _of_cloud(open_cloud(source), spans)
+        return _of_cloud(open_cloud(source))
     if hasattr(source, "__array__") or _is_nested_list(source):
-        return _of_array(_as_array(source), spans, attributes or {})
+        return _of_array(_as_array(source), attributes or {})
     if isinstance(source, Iterable) and not isinstance(source, bytes):
-        return _of_iterable(source, spans)
+        return _of_iterable(source, attributes or ())
     raise InvalidInput(
         f"source is {type(source).__name__}, allowed: a path, several paths, an (n, 3) array, or an iterable of arrays"
     )
+
+
+def needed_by(spans: Spans) -> tuple[str, ...]:
+    """Name the attributes that spans are cut by."""
+    if isinstance(spans, SpanByTime):
+        return ("gps_time",)
+    if isinstance(spans, SpanByScanLine):
+        return ("scan_direction_flag", "edge_of_flight_line")
+    return ()
 
 
 def _is_nested_list(source: Any) -> bool:
@@ -77,68 +96,90 @@ def _as_array(source: Any) -> NDArray[Any]:
         raise InvalidInput(f"points is no array of numbers ({error}), expected shape (n, 3)") from None
 
 
-def _needed(spans: Spans) -> tuple[str, ...]:
-    if isinstance(spans, SpanByTime):
-        return ("gps_time",)
-    if isinstance(spans, SpanByScanLine):
-        return ("scan_direction_flag", "edge_of_flight_line")
-    return ()
-
-
-def _of_cloud(cloud: Cloud, spans: Spans) -> Source:
-    names = _needed(spans)
-
-    def chunks() -> Iterator[CoreChunk]:
-        for chunk in cloud.chunks(_CHUNK, names):
+def _of_cloud(cloud: Cloud) -> Source:
+    def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
+        for chunk in cloud.chunks(_CHUNK, tuple(dict.fromkeys(names))):
             yield chunk.points, tuple(chunk.attributes[name] for name in names)
 
     lattice = None if cloud.lattice.is_identity else cloud.lattice
     return Source(
         chunks,
         stored=True,
+        attributes=cloud.dimensions,
         scale=lattice and lattice.scale,
         offset=lattice and lattice.offset,
         point_count=cloud.point_count,
         damage=lambda: cloud.damage,
         name=", ".join(str(path) for path in cloud.paths),
+        extent_x=cloud.extent_x,
     )
 
 
-def _of_array(points: NDArray[Any], spans: Spans, attributes: Mapping[str, ArrayLike]) -> Source:
+def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if points.size and (points.ndim != 2 or points.shape[1] != 3):
         raise InvalidInput(f"points has shape {points.shape}, expected (n, 3): x, y and z")
-    values = _attributes_of(attributes, spans, len(points))
+    if not isinstance(attributes, Mapping):
+        given = type(attributes).__name__
+        raise InvalidInput(
+            f"attributes is a {given}, expected a mapping of name to (n,) array, such as {{'Intensity': …}}"
+        )
+    columns = {name: _column(name, values, len(points)) for name, values in attributes.items()}
 
-    def chunks() -> Iterator[CoreChunk]:
-        for start in range(0, len(points), _CHUNK):
-            yield points[start : start + _CHUNK], tuple(value[start : start + _CHUNK] for value in values)
+    def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
+        wanted = [_found(columns, name) for name in names]
+        cuts = (slice(start, start + _CHUNK) for start in range(0, len(points), _CHUNK))
+        return ((points[cut], tuple(column[cut] for column in wanted)) for cut in cuts)
 
-    return Source(chunks, stored=True, point_count=len(points))
-
-
-def _attributes_of(attributes: Mapping[str, ArrayLike], spans: Spans, count: int) -> tuple[NDArray[Any], ...]:
-    values = []
-    for name in _needed(spans):
-        if name not in attributes:
-            given = ", ".join(attributes) or "none"
-            raise InvalidInput(f"{spans!r} needs the attribute {name!r} (attributes={{{name!r}: …}}), given: {given}")
-        value = np.asarray(attributes[name])
-        if value.shape != (count,):
-            raise InvalidInput(f"{name} has shape {value.shape}, expected ({count},): one value per point")
-        values.append(value)
-    return tuple(values)
+    return Source(
+        chunks, stored=True, attributes=tuple(columns), point_count=len(points), extent_x=_extent_along_x(points)
+    )
 
 
-def _of_iterable(source: Iterable[Any], spans: Spans) -> Source:
-    def chunks() -> Iterator[CoreChunk]:
+def _extent_along_x(points: NDArray[Any]) -> float | None:
+    """Tell how far finite points reach along x."""
+    if not points.size or points.dtype.kind not in "fiu":
+        return None
+    x = points[:, 0]
+    x = x[np.isfinite(x)]
+    return float(x.max()) - float(x.min()) if x.size else None
+
+
+def _column(name: str, values: ArrayLike, count: int) -> NDArray[Any]:
+    column = np.asarray(values)
+    if column.shape != (count,):
+        raise InvalidInput(f"{name} has shape {column.shape}, expected ({count},): one value per point")
+    return column
+
+
+def _found(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    """Look a name up, whatever its case and underscores."""
+    for other, column in columns.items():
+        if _letters(other) == _letters(name):
+            return column
+    given = ", ".join(columns) or "none"
+    raise InvalidInput(f"the attribute {name!r} is needed (attributes={{{name!r}: …}}), given: {given}")
+
+
+def _letters(name: str) -> str:
+    return name.replace("_", "").lower()
+
+
+def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:
+    def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         for item in source:
             points, attributes = item if _has_attributes(item) else (item, {})
-            count = len(_as_array(points)) if _needed(spans) else 0
-            yield points, _attributes_of(attributes, spans, count)
+            count = len(_as_array(points)) if names else 0
+            yield points, tuple(_column(name, _found(attributes, name), count) for name in names)
 
     # A list can be read to its end; a generator may have none, so only order tells where a slab ends.
-    stored = isinstance(source, Sequence) and isinstance(spans, SpanByWidth)
-    return Source(chunks, stored=stored, name="iterable of arrays")
+    return Source(
+        chunks,
+        stored=False,
+        attributes=tuple(announced),
+        has_more=True,
+        name="iterable of arrays",
+        can_be_stored=isinstance(source, Sequence),
+    )
 
 
 def _has_attributes(item: Any) -> bool:
@@ -148,9 +189,9 @@ def _has_attributes(item: Any) -> bool:
 def counted(source: Source, on_read: Callable[[int], None]) -> Source:
     """Tell how many points have been read, chunk by chunk."""
 
-    def chunks() -> Iterator[CoreChunk]:
+    def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         read = 0
-        for points, values in source.chunks():
+        for points, values in source.chunks(names):
             read += len(np.asarray(points))
             on_read(read)
             yield points, values

@@ -1,38 +1,26 @@
-"""The framework as an iterator over spans, and whole clouds at once."""
+"""A run of the framework as an iterator over spans."""
 
 from __future__ import annotations
 
 import contextlib
-import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import (
-    Pipeline,
-    Settlement,
-    SpanByCount,
-    SpanByScanLine,
-    SpanByTime,
-    SpanByWidth,
-    Window,
-    default_spans,
-)
+from ._core import Pipeline, Settlement
 from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
-from .source import PathLike, Source, open_source
+from .source import Source
 
 if TYPE_CHECKING:
     from ._core import SettledSpan
     from ._core import Span as CoreSpan
 
 Ids = NDArray[np.int64]
-SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
 Result = Literal["history", "carry", "final"]
 RESULTS = ("history", "carry", "final")
 
@@ -51,9 +39,18 @@ class Progress(NamedTuple):
     segment_ids: int
     """Raw segment ids given."""
     segments: int
-    """Segments there are, as far as is known: raw ids less joins."""
+    """Segments there are, as far as is known: raw ids less joins. With final ids: those that are kept."""
     weaving: float
     """Seconds that the weaver has taken."""
+
+
+class LeftOut(NamedTuple):
+    """What final ids leave out: segments that are too small or too large, or hold no seed."""
+
+    segments: int
+    """How many segments."""
+    points: int
+    """How many points they have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +113,8 @@ class Stream:
         self._settlement: Settlement | None = None
         if result == "final":
             self._settlement = Settlement(scale=source.scale, offset=source.offset, with_points=with_points)
-        self._settled = False
+        # Segments kept, segments left out and their points, once it is known.
+        self._selected: tuple[int, int, int] | None = None
         self._kept = -1
         self._failure: Exception | None = None
         self.exactness = core.exactness
@@ -150,20 +148,29 @@ class Stream:
     @property
     def progress(self) -> Progress:
         """How far the run is."""
-        return Progress(*self._core.progress())
+        progress = Progress(*self._core.progress())
+        return progress if self._selected is None else progress._replace(segments=self._selected[0])
+
+    @property
+    def left_out(self) -> LeftOut:
+        """What the limits of the segmentor leave out of final ids; nothing until the first final ids come."""
+        return LeftOut(0, 0) if self._selected is None else LeftOut(*self._selected[1:])
 
     @property
     def live_entries(self) -> tuple[int, int]:
         """Entries of the point-segment and of the segment-segment look-up table, counted one by one."""
         return self._core.live_entries()
 
-    def resolve(self, ids: ArrayLike) -> Ids:
+    def resolve(self, ids: ArrayLike, *, limits: bool = False) -> Ids:
         """Turn ids that this stream has given, raw or carried, into final ids.
 
         Parameters
         ----------
         ids : (n,) array of int64
-            Any ids of this stream; -1 stays -1.
+            Any ids of this stream, but none that were numbered anew by size; -1 stays -1.
+        limits : bool, default False
+            Whether the segmentor's limits of size, its seeds and its order apply, as with ``result="final"``: what they
+            leave out becomes -1. Without, the points of segments that are too small can be found.
 
         Returns
         -------
@@ -174,11 +181,17 @@ class Stream:
         ------
         InvalidInput
             If the ids are not whole numbers in one dimension.
+        InvalidParameter
+            If limits are to apply before the stream has ended.
         """
         asked = np.asarray(ids)
         if asked.ndim != 1 or (asked.size and asked.dtype.kind not in "iu"):
             raise InvalidInput(f"ids is {asked.dtype} of shape {asked.shape}, expected whole numbers of shape (n,)")
-        return self._core.resolve(np.ascontiguousarray(asked, np.int64))
+        if limits and not self._core.is_ended():
+            raise InvalidParameter(
+                "limits is True before the stream has ended, allowed: after that; sizes are not known before"
+            )
+        return self._core.resolve(np.ascontiguousarray(asked, np.int64), limits)
 
     def stop(self) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out."""
@@ -236,10 +249,9 @@ class Stream:
         self._ended = True
 
     def _next_settled(self, settlement: Settlement) -> Span:
-        if not self._settled:
+        if self._selected is None:
             self._keep_all(settlement)
-            self._core.settle(settlement)
-            self._settled = True
+            self._selected = self._core.settle(settlement)
         for settled in settlement:
             return Span(settled.index, settled.point_ids, settled.segment_ids, _NO_ALIASES, settled)
         if self._failure is not None:
@@ -262,204 +274,3 @@ class Stream:
                 raise  # a callback's; the run can go on
             # What came before the failure is finished output; it goes first.
             self._failure = failure
-
-
-def stream(
-    source: Any,
-    segmentor: Any,
-    *,
-    spans: SpanBy | None = None,
-    window: Window | None = None,
-    history: PathLike | None = None,
-    result: Result = "carry",
-    threads: int | None = None,
-    drop_invalid: bool = False,
-    overwrite: bool = False,
-    attributes: Mapping[str, ArrayLike] | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
-    with_points: bool = True,
-) -> Stream:
-    """Segment a cloud as a stream: an iterator over spans as they go out of scope, in order.
-
-    Parameters
-    ----------
-    source : path, sequence of paths, (n, 3) array, or iterable of (n, 3) arrays
-        Where the points come from. Several files are one stream. An iterable is a live source: it is asked for an array
-        only when one is needed. An item may also be a pair ``(points, {"gps_time": …})``.
-    segmentor : Proximity, object with ``fit_predict(X)``, or function of the window
-        Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none.
-    spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
-        How the cloud is cut. Default: a live source as given, one span per array; else spans as wide as 20 times the
-        segmentor's reach, or of 100 000 points if it has none.
-    window : Window, default Window(3, 1)
-        How many spans are segmented together, and how many of them two windows share.
-    history : path, optional
-        Folder for the history, which keeps the whole story (needs ``pip install streamseg[history]``).
-    result : {"carry", "history", "final"}, default "carry"
-        Ids carried over on the fly, with aliases; raw ids; or final ones, which come only when the source has ended.
-    threads : int, optional
-        Windows segmented side by side; each thread beyond the first reads one window ahead. Default: all cores, and 1
-        for a live source, so that labels come out as early as they can. Segmentors in Python are called one at a time.
-    drop_invalid : bool, default False
-        Give points with NaN or infinite coordinates no segment instead of refusing them.
-    overwrite : bool, default False
-        Replace a history that is already there.
-    attributes : mapping of (n,) arrays, optional
-        For an array: the attributes that the spans need, such as ``gps_time``.
-    on_progress : function of a Progress, optional
-        Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
-    with_points : bool, default True
-        With ``result="final"``: whether the spans' coordinates are kept until they come out.
-
-    Returns
-    -------
-    Stream
-        Iterate it, best in a ``with`` block.
-
-    Warns
-    -----
-    StreamsegWarning
-        If the spans break the condition under which streamed equals static, or a file is damaged.
-
-    Raises
-    ------
-    InvalidParameter, InvalidInput, SegmentorError, FileError
-        All of them a `StreamsegError`. Spans that were finished before a failure come out before it is raised.
-
-    Examples
-    --------
-    >>> import numpy as np, streamseg as ss
-    >>> walk = (np.array([[i, 0.0, 0.0]]) for i in range(10))
-    >>> with ss.stream(walk, ss.Proximity(1.5)) as spans:
-    ...     print([span.segment_ids.tolist() for span in spans][:3])
-    [[1], [1], [1]]
-    """
-    if result not in RESULTS:
-        raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    opened = open_source(source, spans, attributes)
-    if spans is None and opened.stored:
-        spans = default_spans(segmentor)
-    core = _pipeline(opened, segmentor, spans, window or Window(), threads, drop_invalid, on_progress)
-    if core.warning:
-        warn(core.warning)
-    writer = None
-    if history is not None:
-        parameters = {"segmentor": repr(segmentor), "spans": repr(spans), "window": repr(window or Window())}
-        writer = HistoryWriter(
-            Path(history), source=opened.name, parameters=parameters, promise=core.promise, overwrite=overwrite
-        )
-    return Stream(opened, core, result, writer, with_points)
-
-
-def _pipeline(
-    source: Source,
-    segmentor: Any,
-    spans: SpanBy | None,
-    window: Window,
-    threads: int | None,
-    drop_invalid: bool,
-    on_progress: Callable[[Progress], None] | None,
-) -> Pipeline:
-    if threads is None:
-        threads = _cores() if source.stored else 1
-    elif threads < 1:
-        raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
-    return Pipeline(
-        source.chunks(),
-        segmentor,
-        spans,
-        window,
-        stored=source.stored,
-        scale=source.scale,
-        offset=source.offset,
-        threads=threads,
-        drop_invalid=drop_invalid,
-        on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
-    )
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def segment(
-    source: Any,
-    segmentor: Any,
-    *,
-    spans: SpanBy | None = None,
-    window: Window | None = None,
-    threads: int | None = None,
-    drop_invalid: bool = False,
-    attributes: Mapping[str, ArrayLike] | None = None,
-) -> Ids:
-    """Segment a cloud as a stream and return the final segment id of every point.
-
-    Parameters
-    ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes
-        As for `stream`. A live source has to end.
-
-    Returns
-    -------
-    (n,) int64
-        Final segment ids in input order, from 1; -1 = none.
-
-    Examples
-    --------
-    >>> import numpy as np, streamseg as ss
-    >>> ss.segment(np.array([[0.0, 0, 0], [1, 0, 0], [9, 0, 0]]), ss.Proximity(2.0)).tolist()
-    [1, 1, 2]
-    """
-    with stream(
-        source,
-        segmentor,
-        spans=spans,
-        window=window,
-        threads=threads,
-        drop_invalid=drop_invalid,
-        attributes=attributes,
-    ) as run:
-        return run.resolve(_in_input_order(run))
-
-
-def segment_static(
-    source: Any,
-    segmentor: Any,
-    *,
-    drop_invalid: bool = False,
-) -> Ids:
-    """Segment the whole cloud as one window.
-
-    Parameters
-    ----------
-    source, segmentor, drop_invalid
-        As for `stream`. The cloud has to fit in memory.
-
-    Returns
-    -------
-    (n,) int64
-        Segment ids in input order, from 1; -1 = none.
-
-    Examples
-    --------
-    >>> import numpy as np, streamseg as ss
-    >>> ss.segment_static(np.array([[0.0, 0, 0], [1, 0, 0], [9, 0, 0]]), ss.Proximity(2.0)).tolist()
-    [1, 1, 2]
-    """
-    whole = SpanByCount(np.iinfo(np.int64).max)
-    opened = open_source(source, whole)
-    core = _pipeline(opened, segmentor, whole, Window(1, 0), 1, drop_invalid, None)
-    return _in_input_order(Stream(opened, core, "carry", None, with_points=False))
-
-
-def _in_input_order(run: Stream) -> Ids:
-    """Collect the ids of a run, which the caller wants all of."""
-    taken = [(span.point_ids, span.segment_ids) for span in run]
-    if not taken:
-        return np.empty(0, np.int64)
-    point_ids = np.concatenate([ids for ids, _ in taken])
-    labels = np.full(len(point_ids), -1, np.int64)
-    labels[point_ids] = np.concatenate([ids for _, ids in taken])
-    return labels

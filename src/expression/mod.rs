@@ -23,9 +23,13 @@ mod parse;
 mod problem;
 mod program;
 mod region;
+mod symmetry;
 mod tree;
 
+use crate::attribute::is_same_name;
 use crate::error::Result;
+pub use symmetry::Symmetry;
+
 use problem::{Kind, mistake, suggestion};
 use program::Program;
 use tree::{Node, Tree};
@@ -71,7 +75,7 @@ impl Expression {
 
     fn check(&self, available: &[impl AsRef<str>]) -> Result<()> {
         let known = available.iter().map(AsRef::as_ref);
-        let is_missing = |name: &str| !known.clone().any(|known| known.eq_ignore_ascii_case(name));
+        let is_missing = |name: &str| !known.clone().any(|known| is_same_name(known, name));
         match self.tree.attributes.iter().find(|attribute| is_missing(&attribute.name)) {
             None => Ok(()),
             Some(attribute) => {
@@ -161,6 +165,11 @@ impl Criterion {
     /// Whether it holds for every pair, whatever the attributes are.
     pub fn is_always_true(&self) -> bool {
         matches!(self.0.tree.nodes[self.0.tree.root], Node::Truth(true))
+    }
+
+    /// Whether it is the same from either end. Takes up to some milliseconds.
+    pub fn symmetry(&self) -> Symmetry {
+        Symmetry::of(&self.0.tree)
     }
 }
 

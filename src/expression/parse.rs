@@ -296,7 +296,7 @@ impl Reader<'_> {
             }
             Type::Number => format!("'{by}' needs true or false, but '{written}' is a number; write {written} != 0"),
             Type::Truth => {
-                format!("'{by}' needs a number, but '{written}' is true or false; write ({written}) ? 1 : 0")
+                format!("'{by}' needs a number, but '{written}' is true or false; write ({written} ? 1 : 0)")
             }
         };
         Err(self.mistake(operand.start, problem))
@@ -310,7 +310,7 @@ impl Reader<'_> {
                 let value = self.number(&pair)?;
                 self.tree.push(Node::Number(value))
             }
-            Rule::expression => self.expression(pair.into_inner())?.node,
+            Rule::group => self.expression_in(pair)?.node,
             Rule::generic => self.generic(pair)?,
             Rule::call => self.call(pair)?,
             Rule::region => self.region(pair)?,
@@ -402,8 +402,8 @@ impl Reader<'_> {
         for name in ["X", "Y"] {
             self.tree.attribute(name, start);
         }
-        self.tree.regions.push(Region::new(&coordinates));
-        Ok(self.tree.push(Node::Inside(side, self.tree.regions.len() - 1)))
+        let region = self.tree.region(Region::new(&coordinates));
+        Ok(self.tree.push(Node::Inside(side, region)))
     }
 
     fn class(&mut self, pair: Pair<Rule>) -> Result<NodeId> {
@@ -462,10 +462,10 @@ impl Reader<'_> {
             return Ok(self.tree.push(Node::Attribute(side, position)));
         }
         let name = name.as_str();
-        if side == Side::Point {
-            if let Some(node) = self.word(name, at)? {
-                return Ok(self.tree.push(node));
-            }
+        if side == Side::Point
+            && let Some(node) = self.word(name, at)?
+        {
+            return Ok(self.tree.push(node));
         }
         let position = self.tree.attribute(name, at);
         Ok(self.tree.push(Node::Attribute(side, position)))

@@ -14,6 +14,11 @@ impl Region {
         Region { corners: coordinates.chunks_exact(2).map(|xy| Coord { x: xy[0], y: xy[1] }).collect() }
     }
 
+    /// Of all corners.
+    pub(super) fn coordinates(&self) -> impl Iterator<Item = f64> {
+        self.corners.iter().flat_map(|corner| [corner.x, corner.y])
+    }
+
     /// Whether a point lies in the region or on its border; never, if a coordinate is NaN.
     ///
     /// Counts the edges that a ray towards +x crosses, which the exact orientation predicate decides.

@@ -72,6 +72,14 @@ impl Tree {
         self.attributes.iter().position(|known| known.name.eq_ignore_ascii_case(name))
     }
 
+    /// The position of a region, which is noted if it is new.
+    pub(super) fn region(&mut self, region: Region) -> usize {
+        self.regions.iter().position(|known| *known == region).unwrap_or_else(|| {
+            self.regions.push(region);
+            self.regions.len() - 1
+        })
+    }
+
     pub(super) fn push(&mut self, node: Node) -> NodeId {
         self.nodes.push(node);
         self.nodes.len() - 1

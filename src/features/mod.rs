@@ -14,7 +14,7 @@ mod plane;
 
 use crate::error::Error;
 use crate::lattice::Lattice;
-use crate::neighborhood::{Grid, Neighbor, Search};
+use crate::neighborhood::{Grid, Neighbor, Neighborhoods, Search, support};
 use curvature::Curvature;
 pub use feature::Feature;
 use plane::{Plane, Robust};
@@ -28,6 +28,16 @@ pub enum Fit {
     /// Blunders are removed by residual weighting, then least squares over what is left. All features but the number of
     /// neighbors are those of what is left.
     Robust,
+}
+
+impl Fit {
+    /// The name, as users type it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Fit::LeastSquares => "least_squares",
+            Fit::Robust => "robust",
+        }
+    }
 }
 
 impl std::str::FromStr for Fit {
@@ -61,6 +71,35 @@ pub fn compute(
     fit: Fit,
     wanted: &[Feature],
 ) -> Features {
+    compute_and_look(points, point_ids, lattice, search, fit, wanted, |_, _, _| {})
+}
+
+/// Computes `wanted` and keeps the neighbors from which it was computed, for those who look at them again.
+pub fn compute_and_keep(
+    points: &[[f64; 3]],
+    point_ids: &[i64],
+    lattice: &Lattice,
+    search: Search,
+    fit: Fit,
+    wanted: &[Feature],
+) -> (Features, Neighborhoods) {
+    let mut kept = Neighborhoods::new(search, points.len());
+    let features = compute_and_look(points, point_ids, lattice, search, fit, wanted, |point, found, support| {
+        kept.keep(point, found.iter().map(|neighbor| neighbor.point), support);
+    });
+    (features, kept)
+}
+
+/// Computes `wanted`; `look` sees the neighbors of each point and how far around it they were looked for.
+fn compute_and_look(
+    points: &[[f64; 3]],
+    point_ids: &[i64],
+    lattice: &Lattice,
+    search: Search,
+    fit: Fit,
+    wanted: &[Feature],
+    mut look: impl FnMut(u32, &[Neighbor], f64),
+) -> Features {
     let grid = Grid::new(points, point_ids, lattice, search);
     let mut surroundings = Surroundings::new(points, lattice, fit, wanted);
     let mut features =
@@ -68,21 +107,15 @@ pub fn compute(
     let mut found = Vec::new();
     for &point in grid.order() {
         grid.neighbors(point, &mut found);
-        features.support[point as usize] = support(&grid, &found);
+        let support = support(&grid, &found);
+        features.support[point as usize] = support;
+        look(point, &found, support);
         let local = surroundings.of(point, &found);
         for (column, &feature) in features.columns.iter_mut().zip(wanted) {
             column[point as usize] = local.value(feature);
         }
     }
     features
-}
-
-/// How far from the point something could change its neighborhood.
-fn support(grid: &Grid, found: &[Neighbor]) -> f64 {
-    match (grid.search(), found.last()) {
-        (Search::Nearest { k, .. }, Some(last)) if found.len() == k => grid.length(last.squared),
-        (search, _) => search.reach(),
-    }
 }
 
 /// Fits surfaces to neighborhoods, one after the other.

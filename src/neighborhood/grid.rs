@@ -1,7 +1,16 @@
-//! The one neighbor search: a counting-sort grid over the points of a window.
+//! The one neighbor search: a grid over the points of a window, sorted by counting.
+//!
+//! Squared distances are those of [`Within`]: on a lattice exact whole numbers, so a pair at exactly the radius is a
+//! neighbor, and equal distances are equal. What is found for a point depends on the points around it alone: not on
+//! their order, nor on what else the window holds.
 
+use std::cmp::Ordering;
+
+use super::cells::{BLOCK, Cells, squared_distances};
+use super::components::components;
+use super::nearest::Nearest;
 use super::search::Search;
-use crate::lattice::Lattice;
+use crate::lattice::{Lattice, Metric, Rise, Within};
 use crate::union_find::UnionFind;
 
 /// A neighbor of a point.
@@ -14,24 +23,45 @@ pub struct Neighbor {
     pub squared: f64,
 }
 
+impl Neighbor {
+    /// In ascending order of (distance, point id).
+    pub(super) fn compare(&self, other: &Neighbor, point_ids: &[i64]) -> Ordering {
+        let id = |neighbor: &Neighbor| point_ids[neighbor.point as usize];
+        self.squared.total_cmp(&other.squared).then_with(|| id(self).cmp(&id(other)))
+    }
+}
+
 /// The points of a window, sorted into cells.
 pub struct Grid<'a> {
-    points: &'a [[f64; 3]],
     point_ids: &'a [i64],
-    lattice: Lattice,
     search: Search,
-    order: Vec<u32>,
+    within: Within,
+    rise: Option<Rise>,
+    cells: Cells,
+    /// Where each point is in the order of the cells.
+    places: Vec<u32>,
 }
 
 impl<'a> Grid<'a> {
     /// Sorts `points`, which lie on `lattice`, into cells that suit `search`; `point_ids` break ties.
     pub fn new(points: &'a [[f64; 3]], point_ids: &'a [i64], lattice: &Lattice, search: Search) -> Self {
-        Self { points, point_ids, lattice: *lattice, search, order: (0..points.len() as u32).collect() }
+        let (metric, rise) = match search {
+            Search::Ball { .. } | Search::Nearest { flat: false, .. } => (Metric::Xyz, None),
+            Search::Disc { .. } | Search::Nearest { flat: true, .. } => (Metric::Xy, None),
+            Search::Cylinder { low, high, .. } => (Metric::Xy, Some(Rise::new(low, high, lattice))),
+        };
+        let within = Within::new(search.reach(), metric, lattice);
+        let cells = Cells::new(points, point_ids, &within);
+        let mut places = vec![0; points.len()];
+        for (place, &point) in (0..).zip(&cells.order) {
+            places[point as usize] = place;
+        }
+        Self { point_ids, search, within, rise, cells, places }
     }
 
     /// The numbers of all points, cell by cell: points near each other are mostly near each other here.
     pub fn order(&self) -> &[u32] {
-        &self.order
+        &self.cells.order
     }
 
     /// The search.
@@ -41,54 +71,87 @@ impl<'a> Grid<'a> {
 
     /// The length of a squared distance, in units of the coordinates.
     pub fn length(&self, squared: f64) -> f64 {
-        squared.sqrt()
+        self.within.length(squared)
     }
 
     /// Replaces `found` by the neighbors of `point` and the point itself, in ascending order of (distance, point id); the
     /// point itself comes first.
     pub fn neighbors(&self, point: u32, found: &mut Vec<Neighbor>) {
-        found.clear();
-        let scale = self.lattice.scale();
-        let p = self.points[point as usize];
-        for (i, q) in (0..).zip(self.points) {
-            let d: [f64; 3] = std::array::from_fn(|k| (q[k] - p[k]) * scale[k]);
-            let flat = d[0] * d[0] + d[1] * d[1];
-            let (squared, near) = match self.search {
-                Search::Disc { radius } => (flat, flat <= radius * radius),
-                Search::Cylinder { radius, low, high } => {
-                    (flat, flat <= radius * radius && low <= d[2] && d[2] <= high)
-                }
-                Search::Ball { radius } => (flat + d[2] * d[2], flat + d[2] * d[2] <= radius * radius),
-                Search::Nearest { flat: on_map, within, .. } => {
-                    let squared = if on_map { flat } else { flat + d[2] * d[2] };
-                    (squared, squared <= within * within)
-                }
-            };
-            if near {
-                found.push(Neighbor { point: i, squared });
-            }
-        }
-        let id = |n: &Neighbor| (n.point != point, self.point_ids[n.point as usize]);
-        found.sort_by(|a, b| a.squared.total_cmp(&b.squared).then_with(|| id(a).cmp(&id(b))));
         if let Search::Nearest { k, .. } = self.search {
-            found.truncate(k);
+            Nearest::search(&self.cells, self.point_ids, &self.within, self.places[point as usize], k, found);
+            return;
         }
+        found.clear();
+        self.for_each_neighbor(point, |neighbor| found.push(neighbor));
+        // The point itself takes the first place, whatever the ids of points that coincide with it.
+        if let Some(own) = found.iter().position(|neighbor| neighbor.point == point) {
+            found.swap(0, own);
+            found[1..].sort_unstable_by(|a, b| a.compare(b, self.point_ids));
+        }
+    }
+
+    /// Calls `visit` for all neighbors of `point` and for the point itself, in an order that is nobody's business: it
+    /// depends on the window. For a number of nearest points use [`Self::neighbors`].
+    pub fn for_each_neighbor(&self, point: u32, mut visit: impl FnMut(Neighbor)) {
+        self.visit(self.places[point as usize], false, |neighbor| {
+            visit(neighbor);
+            true
+        });
+    }
+
+    /// Whether `point` has at least so many neighbors, itself included; stops to look when it has.
+    pub fn has_neighbors(&self, point: u32, at_least: usize) -> bool {
+        let mut count = 0;
+        self.visit(self.places[point as usize], false, |_| {
+            count += 1;
+            count < at_least
+        });
+        count >= at_least
     }
 
     /// Makes all neighbors one set: the components of the radius graph. Only for symmetric searches.
     pub fn join_neighbors(&self, sets: &mut UnionFind) {
-        self.for_each_pair(|a, b| sets.union(a, b));
+        if self.rise.is_some() {
+            self.for_each_pair(|a, b| sets.union(a, b));
+            return;
+        }
+        let order = self.order();
+        let representatives = components(&self.cells, &self.within).into_representatives();
+        for (&point, &representative) in order.iter().zip(&representatives) {
+            sets.union(order[representative as usize], point);
+        }
     }
 
     /// Calls `visit` for every pair of neighbors once, the smaller number of the window not necessarily first. Only for
     /// symmetric searches.
     pub fn for_each_pair(&self, mut visit: impl FnMut(u32, u32)) {
-        let mut found = Vec::new();
-        for &a in &self.order {
-            self.neighbors(a, &mut found);
-            for neighbor in found.iter().filter(|neighbor| neighbor.point > a) {
-                visit(a, neighbor.point);
-            }
+        for (place, &point) in (0..).zip(self.order()) {
+            self.visit(place, true, |neighbor| {
+                visit(point, neighbor.point);
+                true
+            });
         }
+    }
+
+    /// Calls `visit` for the neighbors of the point at `place` of the order until it says no; with `onward`, only for
+    /// those behind it in the order.
+    #[inline]
+    fn visit(&self, place: u32, onward: bool, mut visit: impl FnMut(Neighbor) -> bool) {
+        let (cells, within) = (&self.cells, &self.within);
+        let point = cells.point(place);
+        cells.visit_near(place as usize / BLOCK, onward, &point, within, &mut |block| {
+            let squared = squared_distances(&point, &cells.blocks[block], &within.weights());
+            for other in cells.places(0, block) {
+                let squared = squared[other as usize % BLOCK];
+                if within.pair_if(squared, || (point, cells.point(other)))
+                    && self.rise.is_none_or(|rise| rise.pair(point[2], cells.point(other)[2]))
+                    && (other > place || !onward)
+                    && !visit(Neighbor { point: cells.order[other as usize], squared })
+                {
+                    return false;
+                }
+            }
+            true
+        });
     }
 }

@@ -3,13 +3,18 @@
 //! A neighborhood knows positions and nothing of segments; what to make of a pair is the segmentor's business. There are
 //! two: the [`Delaunay`] triangulation of the map, and the [`Grid`], which answers every [`Search`] by radius or number.
 
+mod cells;
 mod certificate;
+mod components;
 mod curve;
 mod delaunay;
 mod grid;
+mod nearest;
+mod neighborhoods;
 mod search;
 
 pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
 pub use grid::{Grid, Neighbor};
+pub use neighborhoods::{Neighborhoods, support};
 pub use search::Search;

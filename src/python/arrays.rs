@@ -40,7 +40,7 @@ pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
 }
 
 /// The values of attributes, one array per name.
-fn attributes(values: &Bound<'_, PyAny>, names: &[&str], points: usize) -> PyResult<Vec<Vec<f64>>> {
+fn attributes(values: &Bound<'_, PyAny>, names: &[String], points: usize) -> PyResult<Vec<Vec<f64>>> {
     names
         .iter()
         .zip(values.try_iter()?)
@@ -62,18 +62,18 @@ fn attributes(values: &Bound<'_, PyAny>, names: &[&str], points: usize) -> PyRes
 /// The chunks of a Python iterator of `(points, attributes)`, one array in `attributes` per name.
 pub(super) struct PyChunks {
     chunks: Py<PyAny>,
-    names: &'static [&'static str],
+    names: Vec<String>,
 }
 
 impl PyChunks {
-    pub(super) fn new(chunks: &Bound<'_, PyAny>, names: &'static [&'static str]) -> PyResult<Self> {
+    pub(super) fn new(chunks: &Bound<'_, PyAny>, names: Vec<String>) -> PyResult<Self> {
         Ok(Self { chunks: chunks.try_iter()?.into_any().unbind(), names })
     }
 
     fn chunk(&self, item: &Bound<'_, PyAny>) -> PyResult<Chunk> {
         let (points, values): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
         let points = positions(&points)?;
-        let attributes = attributes(&values, self.names, points.len())?;
+        let attributes = attributes(&values, &self.names, points.len())?;
         Ok(Chunk { points, attributes })
     }
 }

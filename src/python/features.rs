@@ -3,20 +3,20 @@
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
-use super::arrays::positions;
+use super::arrays::PyChunks;
 use super::errors::{InvalidParameter, guarded};
 use super::searches::search;
-use crate::error::Error;
 use crate::features::{Feature, Fit, compute};
-use crate::lattice::{Lattice, is_valid};
+use crate::lattice::Lattice;
+use crate::span::{Invalid, checked};
 
-/// Computes the named features of points, (n, 3) float64: one (n,) float64 array per name.
+/// Computes the named features of all points of `chunks`, whose items are `(points, ())`: one (n,) float64 array per name.
 #[pyfunction]
-#[pyo3(signature = (points, names, *, k, search_radius, search_mode, normals, scale, offset))]
+#[pyo3(signature = (chunks, names, *, k, search_radius, search_mode, normals, scale, offset))]
 #[allow(clippy::too_many_arguments)] // one keyword each for Python
 pub(super) fn _features<'py>(
     py: Python<'py>,
-    points: &Bound<'py, PyAny>,
+    chunks: &Bound<'py, PyAny>,
     names: Vec<String>,
     k: Option<i64>,
     search_radius: Option<&Bound<'py, PyAny>>,
@@ -32,11 +32,11 @@ pub(super) fn _features<'py>(
         (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
         _ => Lattice::REAL,
     };
-    let points = positions(points)?;
+    let mut points = Vec::new();
+    for chunk in checked(PyChunks::new(chunks, Vec::new())?, Invalid::Reject) {
+        points.extend(chunk?.points);
+    }
     let features = guarded(py, || {
-        if let Some(invalid) = points.iter().position(|point| !is_valid(point)) {
-            return Err(Error::NotFinite { point_id: invalid as i64, position: points[invalid] }.into());
-        }
         let point_ids: Vec<i64> = (0..points.len() as i64).collect();
         Ok(compute(&points, &point_ids, &lattice, search, fit, &wanted))
     })?;

@@ -6,6 +6,7 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::errors::guarded;
+use super::selection::SizeOptions;
 use super::stream::PySettlement;
 use crate::weaver::Replay;
 
@@ -20,25 +21,41 @@ impl PyReplay {
         Self(Mutex::new(Replay::new(last_segment_id)))
     }
 
-    /// Takes in one part: rows of the segment-segment table, and raw ids of points; returns carried ids and where the
-    /// log of joins stands.
+    /// Takes in one part: rows of the segment-segment table, segments without a seed, and raw ids of points; returns
+    /// carried ids and where the log stands.
     fn part<'py>(
         &self,
         py: Python<'py>,
         segment_ids: PyReadonlyArray1<'py, i64>,
         next_segment_ids: PyReadonlyArray1<'py, i64>,
+        seedless: PyReadonlyArray1<'py, i64>,
         raw_ids: PyReadonlyArray1<'py, i64>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, u64)> {
         let (segments, next) = (segment_ids.as_array(), next_segment_ids.as_array());
         let rows: Vec<[i64; 2]> = segments.iter().zip(next).map(|(&id, &next)| [id, next]).collect();
+        let seedless: Vec<i64> = seedless.as_array().iter().copied().collect();
         let mut ids: Vec<i64> = raw_ids.as_array().iter().copied().collect();
-        let position = guarded(py, || Ok(self.lock().part(&rows, &mut ids)?))?;
+        let position = guarded(py, || Ok(self.lock().part(&rows, &seedless, &mut ids)?))?;
         Ok((ids.into_pyarray(py), position))
     }
 
-    /// Makes the ids of a settlement final.
-    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
-        guarded(py, || Ok(settlement.lock().settle(self.lock().aliases())?))
+    /// Ends the replay and makes the ids of a settlement final: all of them, or within limits, which are the fewest and
+    /// the most points of a segment and how to number them.
+    #[pyo3(signature = (settlement, limits = None))]
+    fn settle(
+        &self,
+        py: Python<'_>,
+        settlement: &PySettlement,
+        limits: Option<(i64, Option<i64>, String)>,
+    ) -> PyResult<()> {
+        let sizes = limits.map(|(min, max, sort)| SizeOptions::new(min, max, &sort)).transpose()?;
+        guarded(py, || {
+            let mut replay = self.lock();
+            replay.finish();
+            let log = replay.aliases();
+            let selection = sizes.map(|sizes| sizes.select(log)).transpose()?.unwrap_or_default();
+            Ok(settlement.lock().settle(log, &selection)?)
+        })
     }
 }
 

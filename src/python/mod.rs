@@ -10,6 +10,7 @@ mod history;
 mod scenes;
 mod searches;
 mod segmentors;
+mod selection;
 mod spans;
 mod stream;
 
@@ -31,7 +32,9 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyProximity, PyWindow};
+    use super::segmentors::{PyConditionalClustering, PyProximity, PyRegionGrowing};
+    #[pymodule_export]
+    use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]
     use super::spans::default_spans;
     #[pymodule_export]

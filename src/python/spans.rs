@@ -3,7 +3,9 @@
 use pyo3::prelude::*;
 
 use super::errors::InvalidParameter;
+use super::segmentors::PyRecipe;
 use crate::error::Result;
+use crate::segmentor::Layout;
 use crate::span::{Direction, SpanBy};
 use crate::window::WindowSize;
 
@@ -130,7 +132,7 @@ impl PySpanByCount {
 }
 
 /// A count from Python, where numbers may be negative.
-fn count(name: &'static str, value: i64) -> Result<usize> {
+pub(super) fn count(name: &'static str, value: i64) -> Result<usize> {
     usize::try_from(value).map_err(|_| crate::error::Error::parameter(name, value, "a whole number of at least 1"))
 }
 
@@ -222,11 +224,17 @@ impl PySpanByScanLine {
     }
 }
 
-/// The spans of a stored cloud if nothing else is asked for: 20 times as wide as the segmentor's reach, or of 100 000
-/// points if it has none.
+/// The spans of a stored cloud if nothing else is asked for: 20 times as wide as the segmentor's reach; if that is not
+/// known, wide enough for 100 000 points, where the cloud's number of points and extent along x are known.
 #[pyfunction]
-pub(super) fn default_spans(py: Python<'_>, segmentor: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
-    match super::segmentors::segmentor(segmentor)?.exactness().default_spans() {
+pub(super) fn default_spans(
+    py: Python<'_>,
+    recipe: &PyRecipe,
+    points: Option<u64>,
+    extent: Option<f64>,
+) -> PyResult<Py<PyAny>> {
+    let layout = points.zip(extent).map(|(points, extent)| Layout { points, extent });
+    match recipe.segmentor.exactness().default_spans(layout) {
         by @ SpanBy::Width { width, .. } => Ok(Py::new(py, PySpanByWidth { by, width })?.into_any()),
         SpanBy::Count { points } => {
             let by = SpanBy::Count { points };

@@ -7,7 +7,8 @@ use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
-use super::segmentors::segmentor;
+use super::segmentors::PyRecipe;
+use super::selection::SizeOptions;
 use super::spans::{PyWindowSize, span_by};
 use crate::crew::Crew;
 use crate::error::Error;
@@ -15,6 +16,7 @@ use crate::lattice::Lattice;
 use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
 use crate::settlement::{Settled, Settlement};
 use crate::span::{Invalid, Source, Span, checked, spans_of};
+use crate::weaver::Selection;
 
 /// Streams chunks through spans, windows, segmentor and weaver.
 #[pyclass(frozen, name = "Pipeline", module = "streamseg._core")]
@@ -23,6 +25,7 @@ pub struct PyPipeline {
     /// The span given last, until it is acknowledged: an interrupt on its way to the taker must not lose it.
     given: Mutex<Option<Py<PySpan>>>,
     lattice: Lattice,
+    sizes: SizeOptions,
     /// The exactness class of the run: "A", "B" or "C".
     #[pyo3(get)]
     exactness: char,
@@ -43,11 +46,14 @@ pub struct PyPipeline {
 #[pymethods]
 impl PyPipeline {
     #[new]
-    #[pyo3(signature = (chunks, segmentor, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress))]
+    #[pyo3(signature = (
+        chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
+        min_segment_size = 1, max_segment_size = None, sort = "native",
+    ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
         chunks: &Bound<'_, PyAny>,
-        segmentor: &Bound<'_, PyAny>,
+        recipe: &PyRecipe,
         spans: Option<&Bound<'_, PyAny>>,
         window: &PyWindowSize,
         stored: bool,
@@ -56,8 +62,12 @@ impl PyPipeline {
         threads: usize,
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
+        min_segment_size: i64,
+        max_segment_size: Option<i64>,
+        sort: &str,
     ) -> PyResult<Self> {
-        let segmentor = self::segmentor(segmentor)?;
+        let sizes = SizeOptions::new(min_segment_size, max_segment_size, sort)?;
+        let segmentor = Arc::clone(&recipe.segmentor);
         let by = span_by(spans)?;
         let lattice = match (scale, offset) {
             (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
@@ -65,17 +75,20 @@ impl PyPipeline {
         };
         let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
         let source = if stored { Source::Stored } else { Source::Live };
-        let chunks = checked(PyChunks::new(chunks, by.attributes())?, invalid);
+        let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
+        let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
         let spans = spans_of(chunks, by, &lattice, source)?;
         let crew = Crew::new(threads)?;
         let assessment = segmentor.exactness().assess(by, window.0, &lattice);
         let name = segmentor.name().to_string();
         let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
+            .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
         Ok(Self {
             pipeline: Mutex::new(pipeline),
             given: Mutex::new(None),
             lattice,
+            sizes,
             exactness: assessment.class,
             is_identical: assessment.is_identical,
             promise: assessment.sentence,
@@ -117,16 +130,50 @@ impl PyPipeline {
         py.detach(|| self.lock().map(|mut pipeline| pipeline.stop()))
     }
 
-    /// Turns raw or carried ids, (n,) int64, into final ids; after the end.
-    fn resolve<'py>(&self, py: Python<'py>, ids: PyReadonlyArray1<'py, i64>) -> PyResult<Bound<'py, PyArray1<i64>>> {
+    /// The fewest points of a segment that final results keep.
+    #[getter]
+    fn min_segment_size(&self) -> u64 {
+        self.sizes.limits.min()
+    }
+
+    /// The most points of a segment that final results keep.
+    #[getter]
+    fn max_segment_size(&self) -> Option<u64> {
+        self.sizes.limits.max()
+    }
+
+    /// How final results are numbered: "native", "ascending" or "descending".
+    #[getter]
+    fn sort(&self) -> &'static str {
+        self.sizes.sort.name()
+    }
+
+    /// Turns raw or carried ids, (n,) int64, into final ids; after the end. With limits, what they leave out becomes −1.
+    fn resolve<'py>(
+        &self,
+        py: Python<'py>,
+        ids: PyReadonlyArray1<'py, i64>,
+        limits: bool,
+    ) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let mut ids: Vec<i64> = ids.as_array().iter().copied().collect();
-        guarded(py, || Ok(self.lock()?.aliases().resolve(&mut ids)?))?;
+        guarded(py, || {
+            let mut pipeline = self.lock()?;
+            let log = pipeline.aliases();
+            let selection = if limits { self.sizes.select(log)? } else { Selection::default() };
+            Ok(log.resolve(&mut ids, &selection)?)
+        })?;
         Ok(ids.into_pyarray(py))
     }
 
-    /// Makes the ids of a settlement final; after the end.
-    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<()> {
-        guarded(py, || Ok(settlement.lock().settle(self.lock()?.aliases())?))
+    /// Makes the ids of a settlement final; after the end. Returns how many segments are kept, how many are left out,
+    /// and how many points those have.
+    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<(u64, u64, u64)> {
+        guarded(py, || {
+            let mut pipeline = self.lock()?;
+            let selection = self.sizes.select(pipeline.aliases())?;
+            settlement.lock().settle(pipeline.aliases(), &selection)?;
+            Ok((selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()))
+        })
     }
 
     /// How far the run is: the fields of `streamseg.Progress`.
@@ -209,6 +256,9 @@ pub struct PySpan {
     /// The segments that went with the span, (m, 4) int64: segment, next segment, window, shared points.
     #[pyo3(get)]
     segments: Py<PyArray2<i64>>,
+    /// The segments without a seed of the windows woven since the last span, (m,) int64.
+    #[pyo3(get)]
+    seedless: Py<PyArray1<i64>>,
     /// The windows woven since the last span, (m, 6) int64: window, first span, spans, points, first segment id, segments.
     #[pyo3(get)]
     windows: Py<PyArray2<i64>>,
@@ -236,6 +286,7 @@ impl PySpan {
             carried_ids: segmented.carried_ids.into_pyarray(py).unbind(),
             aliases: rows(py, segmented.aliases)?.unbind(),
             segments: rows(py, segments)?.unbind(),
+            seedless: segmented.seedless.into_pyarray(py).unbind(),
             windows: rows(py, windows.iter().map(window_row).collect())?.unbind(),
             settles_at: segmented.settles_at,
         })

@@ -44,6 +44,15 @@ pub struct Assessment {
     pub warning: Option<String>,
 }
 
+/// How large a cloud is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Layout {
+    /// How many points it has.
+    pub points: u64,
+    /// How far it reaches along x, in units of the coordinates.
+    pub extent: f64,
+}
+
 /// Spans are this many times as wide as the reach if nothing else is asked for: on clouds with some ten points per
 /// reach that is a window of a few hundred thousand points, with a third of it overlap at no risk.
 const REACHES_PER_SPAN: f64 = 20.0;
@@ -53,11 +62,14 @@ const POINTS_PER_SPAN: usize = 100_000;
 
 impl Exactness {
     /// The spans for a stored cloud if nothing else is asked for.
-    pub fn default_spans(self) -> SpanBy {
-        match self.reach() {
-            reach if reach > 0.0 && reach.is_finite() => {
-                SpanBy::Width { width: REACHES_PER_SPAN * reach, direction: Direction::X }
+    pub fn default_spans(self, layout: Option<Layout>) -> SpanBy {
+        let by_width = |width| SpanBy::Width { width, direction: Direction::X };
+        match (self.reach(), layout) {
+            (reach, _) if reach > 0.0 && reach.is_finite() => by_width(REACHES_PER_SPAN * reach),
+            (_, Some(Layout { points, extent })) if extent > 0.0 && points > POINTS_PER_SPAN as u64 => {
+                by_width(extent * POINTS_PER_SPAN as f64 / points as f64)
             }
+            (_, Some(Layout { extent, .. })) if extent > 0.0 => by_width(extent),
             _ => SpanBy::Count { points: POINTS_PER_SPAN },
         }
     }
@@ -76,6 +88,7 @@ impl Exactness {
         match self {
             Exactness::WithHalo { halo, .. } if halo == f64::INFINITY => Halo::Span,
             Exactness::WithHalo { halo, .. } if halo > 0.0 => Halo::Length(halo),
+            Exactness::Measured { reach } if reach == f64::INFINITY => Halo::Span,
             Exactness::Measured { reach } if reach > 0.0 => Halo::Length(reach),
             _ => Halo::None,
         }

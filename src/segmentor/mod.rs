@@ -3,11 +3,15 @@
 //! A segmentor sees the points of one window and nothing else: no other window, no segment ids, no other segmentor.
 //! Adding one is one file here and one line in this list.
 
+mod conditional_clustering;
 mod exactness;
 mod proximity;
+mod region_growing;
 
-pub use exactness::{Assessment, Exactness};
+pub use conditional_clustering::ConditionalClustering;
+pub use exactness::{Assessment, Exactness, Layout};
 pub use proximity::Proximity;
+pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
 use std::ops::Range;
 
@@ -88,6 +92,14 @@ pub trait Segmentor: Send + Sync {
         Vec::new()
     }
 
+    /// Says where its own text names an attribute that is not among those `available`.
+    ///
+    /// # Errors
+    /// If it does.
+    fn check(&self, _available: &[String]) -> Result<()> {
+        Ok(())
+    }
+
     /// The columns of the cloud that windows have to bring along.
     fn reads(&self) -> Vec<String> {
         self.attributes()
@@ -96,6 +108,12 @@ pub trait Segmentor: Send + Sync {
     /// The neighborhood from which features are computed that it, or a filter before it, needs and the cloud does not have.
     fn neighborhood(&self) -> Option<Search> {
         None
+    }
+
+    /// Whether it looks at the nearest neighbors itself, so that they are worth keeping where features were computed from
+    /// them.
+    fn looks_at_neighbors(&self) -> bool {
+        false
     }
 
     /// One label for each of [`Window::points`].

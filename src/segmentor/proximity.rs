@@ -79,7 +79,7 @@ impl Segmentor for Proximity {
         }
         // With lengths on the map any window that holds a pair decides it rightly.
         let loaded = window.extent().filter(|_| self.metric == Metric::Xyz);
-        let loaded = loaded.map(|Extent { direction, low, high }| Loaded { direction, low, high });
+        let loaded = loaded.map(|Extent { direction, low, high, .. }| Loaded { direction, low, high });
         neighbors.for_each_edge(|a, b, edge| {
             if loaded.is_none_or(|loaded| edge.is_final(&loaded)) {
                 joined.join_neighbors(a, b);

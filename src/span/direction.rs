@@ -37,7 +37,53 @@ pub struct Extent {
     pub low: f64,
     /// Upper border; +∞ if the cloud has no point beyond.
     pub high: f64,
+    /// The length of a lattice step along the direction, if the borders lie on whole steps and no rounding can put a
+    /// point on the wrong side of one.
+    pub step: Option<f64>,
 }
+
+impl Extent {
+    /// Whether every point of the map within `radius` (in units of the coordinates) of `point` lies inside, whatever
+    /// the rounding of the coordinates and of the borders. The lower border is inside, the upper one is not.
+    pub(crate) fn holds(&self, point: &[f64; 3], radius: f64, lattice: &Lattice) -> bool {
+        let place = lattice.horizontal(point);
+        let along = self.direction[0] * place[0] + self.direction[1] * place[1];
+        let radius = radius / lattice.horizontal_unit();
+        if let Some(step) = self.step {
+            let radius = whole_steps(radius, step).unwrap_or(radius / step);
+            let steps = |length: f64| (length / step).round();
+            return steps(along - self.low) >= radius
+                && (self.high == f64::INFINITY || steps(self.high - along) > radius);
+        }
+        let off = self.rounding(point, lattice) + radius * RADIUS_SLACK;
+        along - self.low >= radius + off && (self.high == f64::INFINITY || self.high - along > radius + off)
+    }
+
+    /// The part whose points have everything within `margin` (in units of the coordinates) inside.
+    pub(crate) fn shrunk(self, margin: f64, lattice: &Lattice) -> Self {
+        let margin = margin / lattice.horizontal_unit();
+        let [low, high] = match self.step {
+            // Points lie on whole steps, and the borders have to stay there too.
+            Some(step) => match whole_steps(margin, step) {
+                Some(steps) => [steps * step; 2],
+                None => [(margin / step).ceil() * step, (margin / step).floor() * step],
+            },
+            None => [margin * (1.0 + RADIUS_SLACK); 2],
+        };
+        Self { low: self.low + low, high: self.high - high, ..self }
+    }
+
+    /// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
+    fn rounding(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
+        let (real, unit) = (lattice.real(point), lattice.horizontal_unit());
+        let offset = lattice.offset();
+        let largest: f64 = (0..3).map(|k| real[k].abs() + offset[k].abs()).sum();
+        16.0 * f64::EPSILON * largest / unit
+    }
+}
+
+/// More than the relative slack on a distance, see [`crate::lattice::Within`].
+const RADIUS_SLACK: f64 = 1e-11;
 
 /// Tells the slab of a point: `floor(way / width)`, where `way` is the real coordinate along the direction.
 #[derive(Debug, Clone, Copy)]
@@ -126,6 +172,7 @@ impl SlabIndex {
             direction: gradient.map(|g| g / length),
             low: first.map_or(f64::NEG_INFINITY, border),
             high: end.map_or(f64::INFINITY, border),
+            step: self.whole.then(|| length.recip()),
         }
     }
 
@@ -156,6 +203,42 @@ mod tests {
         assert_eq!(slab(90.0).of(&[25.0, -70.0, 0.0]).unwrap(), Some(2));
         assert_eq!(slab(0.0).of(&[25.0, -75.0, 0.0]).unwrap(), Some(-8));
         assert_eq!(slab(45.0).of(&[10.0, 10.0, 0.0]).unwrap(), Some(1));
+    }
+
+    #[test]
+    fn an_extent_holds_a_disc_that_ends_on_its_lower_border_but_none_that_ends_on_its_upper() {
+        for (scale, offset) in [([0.01; 3], 500_000.0), ([0.01, 0.002, 0.001], 500_000.0), ([0.001, 0.1, 1.0], -0.5)] {
+            let lattice = Lattice::new(scale, [offset, 0.0, 0.0]).unwrap();
+            let slab = SlabIndex::new(0.3, Direction::X, &lattice);
+            assert!(slab.is_exact());
+            let steps = (0.3 / scale[0]).round();
+            let first = slab.of(&[0.0; 3]).unwrap().unwrap();
+            let extent = slab.extent(Some(first - 1), Some(first + 2), &lattice);
+            // Where the slab in the middle begins.
+            let begin = (first as f64 * 0.3 / scale[0]).round() - (offset / scale[0]).round();
+            for x in 0..steps as i64 {
+                assert!(extent.holds(&[begin + x as f64, 7.0, 3.0], 0.3, &lattice), "{scale:?} {x}");
+            }
+            assert!(!extent.holds(&[begin - 1.0, 7.0, 3.0], 0.3, &lattice));
+            assert!(!extent.holds(&[begin + steps, 7.0, 3.0], 0.3, &lattice));
+            assert!(slab.extent(None, None, &lattice).holds(&[begin, 7.0, 3.0], f64::INFINITY, &lattice));
+            // Within a step of 0.104: the border of what holds a disc is the first whole step inside.
+            let smaller = extent.shrunk(0.104, &lattice);
+            for x in -steps as i64..2 * steps as i64 {
+                let at = [begin + x as f64, 0.0, 0.0];
+                assert_eq!(smaller.holds(&at, 0.0, &lattice), extent.holds(&at, 0.104, &lattice), "{scale:?} {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_coordinates_are_rounded_an_extent_keeps_away_from_its_borders() {
+        let slab = SlabIndex::new(1.0, Direction::Azimuth(90.0), &Lattice::REAL);
+        let extent = slab.extent(Some(5_000_000), Some(5_000_003), &Lattice::REAL);
+        let holds = |x: f64| extent.holds(&[x, 4e5, 100.0], 1.0, &Lattice::REAL);
+        assert!(holds(5_000_001.000_001) && holds(5_000_001.999_999));
+        assert!(!holds(5_000_001.0) && !holds(5_000_002.0));
+        assert!(slab.extent(None, None, &Lattice::REAL).holds(&[0.0; 3], f64::INFINITY, &Lattice::REAL));
     }
 
     #[test]

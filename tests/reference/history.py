@@ -17,6 +17,7 @@ COLUMNS = {
     "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
     "window": ("window", "first_span", "spans", "points", "first_segment_id", "segments"),
     "alias": ("segment_id", "becomes", "span"),
+    "seedless": ("segment_id", "span"),
 }
 
 

@@ -5,7 +5,8 @@ A point without a label (−1) is in no segment: it is not looked up, and a late
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 NONE = -1
@@ -81,6 +82,11 @@ class Weaver:
                 self.segment_segment_file.append(row)
             if not right:
                 self.segment_segment_file.append(SegmentRow(segment, NONE, NONE, 0))
+
+
+def sizes(point_segment: Mapping[int, int], final: Mapping[int, int]) -> Counter[int]:
+    """How many points each whole has; a point is in the file once."""
+    return Counter(final[segment] for segment in point_segment.values())
 
 
 def final_ids(pairs: Iterable[tuple[int, int]]) -> dict[int, int]:

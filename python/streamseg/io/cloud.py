@@ -59,6 +59,8 @@ class Cloud:
         scale where another file needs it (see `streamseg.io.lattice`); for the other kinds the identity.
     dimensions : tuple of str
         Names that every file has; any of them can be asked for as an attribute.
+    extent_x : float or None
+        How far the points reach along x, where the files' headers say it.
     unit : str or None
         Unit of the horizontal coordinates, "m" or "ft", where the first file says it.
     damage : str or None
@@ -78,6 +80,7 @@ class Cloud:
         self.dimensions = tuple(
             name for name in self.sources[0].dimensions if all(name in other.dimensions for other in self.sources[1:])
         )
+        self.extent_x = _extent_along_x(self.sources)
         self.unit: str | None = getattr(self.sources[0], "unit", None)
         self.damage: str | None = None
 
@@ -144,6 +147,15 @@ def damage_sentence(path: Path, read: int, announced: int, reason: str) -> str:
         f"{path.name} is damaged after point {read:,} of {announced:,}; "
         f"the {read:,} points before it were read ({reason})"
     )
+
+
+def _extent_along_x(sources: Sequence[Source]) -> float | None:
+    """How far all files together reach along x, where their headers say it."""
+    ranges: list[tuple[float, float] | None] = [getattr(source, "range_x", None) for source in sources]
+    known = [each for each in ranges if each is not None]
+    if len(known) < len(ranges):
+        return None
+    return max(high for _, high in known) - min(low for low, _ in known)
 
 
 def _one_kind(sources: tuple[Source, ...]) -> str:

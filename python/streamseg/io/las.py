@@ -71,6 +71,7 @@ class LasSource:
         self.point_count: int | None = self.header.point_count
         self.lattice = Lattice(tuple(self.header.scales.tolist()), tuple(self.header.offsets.tolist()))
         self.dimensions: tuple[str, ...] = tuple(self.header.point_format.dimension_names)
+        self.range_x = (float(self.header.mins[0]), float(self.header.maxs[0]))
         self.unit = _linear_unit(self.header)
         self.damage: str | None = None
 

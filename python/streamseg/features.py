@@ -1,0 +1,92 @@
+"""What the surface is like around each point of a cloud: normals, eigenvalue features, curvature."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._core import _features
+from .errors import warn
+from .source import open_source
+
+
+def features(
+    source: Any,
+    names: str | Sequence[str],
+    *,
+    k: int | None = None,
+    search_radius: float | Sequence[float] | None = None,
+    search_mode: Literal["2d", "2.5d", "3d"] = "3d",
+    normals: Literal["least_squares", "robust"] = "least_squares",
+) -> dict[str, NDArray[np.float64]]:
+    """Compute features of every point of a whole cloud from its neighbors.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, (n, 3) array, or iterable of (n, 3) arrays
+        The cloud. Coordinates of LAS and LAZ files are computed with as the whole numbers that are stored.
+    names : str or sequence of str
+        Any of NormalX, NormalY, NormalZ, NormalSigma0, NormalEigenvalue1, NormalEigenvalue2, NormalEigenvalue3,
+        Linearity, Planarity, Sphericity, Omnivariance, Anisotropy, Eigenentropy, SurfaceVariation, Verticality,
+        NeighborCount, MeanCurvature, GaussianCurvature, MaxCurvature and MinCurvature, in upper or lower case.
+        ``docs/features.md`` defines them.
+    k : int, optional
+        Take the k nearest points, the point itself included; at equal distance those that come first in the cloud.
+    search_radius : float or sequence of floats, optional
+        Take all points within it, in units of the coordinates; with `k`, the nearest of these. For "2.5d" also
+        ``[radius, height]`` (up and down) or ``[radius, lowest, highest]`` (above the point).
+    search_mode : {"3d", "2.5d", "2d"}, default "3d"
+        A ball, a cylinder, or a disc on the map, which is a cylinder without end. With `k`: "3d" or "2d".
+    normals : {"least_squares", "robust"}, default "least_squares"
+        Whether planes are fitted to all neighbors alike, or to those that are left when blunders have been removed.
+
+    Returns
+    -------
+    dict of (n,) float64
+        One array per name as it was given; NaN where a feature has no value, as with fewer than three neighbors.
+
+    Warns
+    -----
+    StreamsegWarning
+        If a file is damaged.
+
+    Raises
+    ------
+    InvalidParameter
+        If a name is unknown, neither `k` nor `search_radius` is given, or one of them is not above 0.
+    InvalidInput
+        If the points are not an (n, 3) array of finite numbers.
+    FileError
+        If a file cannot be read.
+
+    Notes
+    -----
+    Planes: Pearson (1901). Eigenvalue features: Hackel, Wegner and Schindler (2016).
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss
+    >>> x, y = np.meshgrid(np.arange(5.0), np.arange(5.0))
+    >>> roof = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
+    >>> found = ss.features(roof, ["NormalX", "NormalZ"], k=9)
+    >>> [round(float(found[name][12]), 4) for name in found]
+    [-0.7071, 0.7071]
+    """
+    asked = [names] if isinstance(names, str) else list(names)
+    opened = open_source(source)
+    columns = _features(
+        opened.chunks(()),
+        asked,
+        k=k,
+        search_radius=search_radius,
+        search_mode=search_mode,
+        normals=normals,
+        scale=opened.scale,
+        offset=opened.offset,
+    )
+    if damage := opened.damage():
+        warn(damage)
+    return dict(zip(asked, columns, strict=True))

@@ -1,0 +1,244 @@
+"""What starts a run: a stream of spans, and whole clouds at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from .errors import InvalidParameter, warn
+from .history import HistoryWriter
+from .source import Attributes, PathLike, Source, needed_by, open_source
+from .stream import RESULTS, Ids, Progress, Result, Stream
+
+SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
+
+# What every segmentor may say of the segments that final results keep.
+SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
+
+
+def stream(
+    source: Any,
+    segmentor: Any,
+    *,
+    spans: SpanBy | None = None,
+    window: Window | None = None,
+    history: PathLike | None = None,
+    result: Result = "carry",
+    threads: int | None = None,
+    drop_invalid: bool = False,
+    overwrite: bool = False,
+    attributes: Attributes | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    with_points: bool = True,
+) -> Stream:
+    """Segment a cloud as a stream: an iterator over spans as they go out of scope, in order.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, (n, 3) array, or iterable of (n, 3) arrays
+        Where the points come from. Several files are one stream. An iterable is a live source: it is asked for an array
+        only when one is needed. An item may also be a pair ``(points, {"gps_time": …})``.
+    segmentor : Segmentor, object with ``fit_predict(X)``, or function of the window
+        Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none.
+        If it has them, its attributes ``min_segment_size`` and ``max_segment_size`` (in points) and ``sort`` ("native",
+        "ascending" or "descending", by size) say which segments final ids keep and how they are numbered.
+    spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
+        How the cloud is cut. Default: a live source as given, one span per array; else spans as wide as 20 times the
+        segmentor's reach, or of 100 000 points if it has none.
+    window : Window, default Window(3, 1)
+        How many spans are segmented together, and how many of them two windows share.
+    history : path, optional
+        Folder for the history, which keeps the whole story (needs ``pip install streamseg[history]``).
+    result : {"carry", "history", "final"}, default "carry"
+        Ids carried over on the fly, with aliases; raw ids; or final ones, which come only when the source has ended.
+        Sizes are known then, so only final ids leave out what is too small or too large.
+    threads : int, optional
+        Windows segmented side by side; each thread beyond the first reads one window ahead. Default: all cores, and 1
+        for a live source, so that labels come out as early as they can. Segmentors in Python are called one at a time.
+    drop_invalid : bool, default False
+        Give points with NaN or infinite coordinates no segment instead of refusing them.
+    overwrite : bool, default False
+        Replace a history that is already there.
+    attributes : mapping of (n,) arrays, or sequence of names, optional
+        For an array: its attributes, such as ``{"gps_time": …}``. For a live source the names of those that its items
+        bring along and that are to be used instead of computing them. Case and underscores of names do not matter.
+    on_progress : function of a Progress, optional
+        Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
+    with_points : bool, default True
+        With ``result="final"``: whether the spans' coordinates are kept until they come out.
+
+    Returns
+    -------
+    Stream
+        Iterate it, best in a ``with`` block.
+
+    Warns
+    -----
+    StreamsegWarning
+        If the spans break the condition under which streamed equals static, or a file is damaged.
+
+    Raises
+    ------
+    InvalidParameter, InvalidInput, SegmentorError, FileError
+        All of them a `StreamsegError`. Spans that were finished before a failure come out before it is raised.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss
+    >>> walk = (np.array([[i, 0.0, 0.0]]) for i in range(10))
+    >>> with ss.stream(walk, ss.Proximity(1.5)) as spans:
+    ...     print([span.segment_ids.tolist() for span in spans][:3])
+    [[1], [1], [1]]
+    """
+    if result not in RESULTS:
+        raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
+    opened = open_source(source, attributes)
+    if opened.can_be_stored and isinstance(spans, SpanByWidth):
+        opened = opened._replace(stored=True)
+    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    if spans is None and opened.stored:
+        spans = default_spans(recipe, opened.point_count, opened.extent_x)
+    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
+    if core.sort != "native" and result != "final":
+        raise InvalidParameter(
+            f"sort is {core.sort!r} with result={result!r}, allowed: with result='final', "
+            "because sizes are known only at the end"
+        )
+    if core.warning:
+        warn(core.warning)
+    writer = None
+    if history is not None:
+        parameters = {
+            "segmentor": repr(segmentor),
+            "spans": repr(spans),
+            "window": repr(window or Window()),
+            **{option: getattr(core, option) for option in SIZE_OPTIONS},
+        }
+        writer = HistoryWriter(
+            Path(history), source=opened.name, parameters=parameters, promise=core.promise, overwrite=overwrite
+        )
+    return Stream(opened, core, result, writer, with_points)
+
+
+def _pipeline(
+    source: Source,
+    segmentor: Any,
+    recipe: Recipe,
+    spans: SpanBy | None,
+    window: Window,
+    threads: int | None,
+    drop_invalid: bool,
+    on_progress: Callable[[Progress], None] | None,
+) -> Pipeline:
+    if threads is None:
+        threads = _cores() if source.stored else 1
+    elif threads < 1:
+        raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
+    return Pipeline(
+        source.chunks((*needed_by(spans), *recipe.reads)),
+        recipe,
+        spans,
+        window,
+        stored=source.stored,
+        scale=source.scale,
+        offset=source.offset,
+        threads=threads,
+        drop_invalid=drop_invalid,
+        on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
+        **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
+    )
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def segment(
+    source: Any,
+    segmentor: Any,
+    *,
+    spans: SpanBy | None = None,
+    window: Window | None = None,
+    threads: int | None = None,
+    drop_invalid: bool = False,
+    attributes: Attributes | None = None,
+) -> Ids:
+    """Segment a cloud as a stream and return the final segment id of every point.
+
+    Parameters
+    ----------
+    source, segmentor, spans, window, threads, drop_invalid, attributes
+        As for `stream`. A live source has to end.
+
+    Returns
+    -------
+    (n,) int64
+        Final segment ids in input order, from 1; -1 = none, or a segment that is left out by its size.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss
+    >>> ss.segment(np.array([[0.0, 0, 0], [1, 0, 0], [9, 0, 0]]), ss.Proximity(2.0)).tolist()
+    [1, 1, 2]
+    """
+    with stream(
+        source,
+        segmentor,
+        spans=spans,
+        window=window,
+        threads=threads,
+        drop_invalid=drop_invalid,
+        attributes=attributes,
+        result="final",
+        with_points=False,
+    ) as run:
+        return _in_input_order(run)
+
+
+def segment_static(
+    source: Any,
+    segmentor: Any,
+    *,
+    drop_invalid: bool = False,
+    attributes: Attributes | None = None,
+) -> Ids:
+    """Segment the whole cloud as one window.
+
+    Parameters
+    ----------
+    source, segmentor, drop_invalid, attributes
+        As for `stream`. The cloud has to fit in memory.
+
+    Returns
+    -------
+    (n,) int64
+        Segment ids in input order, from 1; -1 = none, or a segment that is left out by its size.
+
+    Examples
+    --------
+    >>> import numpy as np, streamseg as ss
+    >>> ss.segment_static(np.array([[0.0, 0, 0], [1, 0, 0], [9, 0, 0]]), ss.Proximity(2.0)).tolist()
+    [1, 1, 2]
+    """
+    whole = SpanByCount(np.iinfo(np.int64).max)
+    opened = open_source(source, attributes)
+    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
+    return _in_input_order(Stream(opened, core, "final", None, with_points=False))
+
+
+def _in_input_order(run: Stream) -> Ids:
+    """Collect the final ids of a run. They wait on disk, so no memory is needed beside the result."""
+    labels = np.empty(0, np.int64)
+    for span in run:
+        if not len(labels):
+            labels = np.full(run.progress.points, -1, np.int64)
+        labels[span.point_ids] = span.segment_ids
+    return labels

@@ -1,0 +1,64 @@
+//! Segmentors as Python objects: the built-in ones, one class each, and the adapter for what users bring.
+
+mod base;
+mod conditional_clustering;
+mod foreign;
+mod proximity;
+mod region_growing;
+
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+
+pub use base::PySegmentor;
+pub use conditional_clustering::PyConditionalClustering;
+pub use foreign::PyWindow;
+pub use proximity::PyProximity;
+pub use region_growing::PyRegionGrowing;
+
+use crate::error::Result;
+use crate::preprocessing::Stage;
+use crate::recipe::{Ingredients, Recipe};
+use crate::segmentor::Segmentor;
+use base::Options;
+
+/// A segmentor with all that is done before it, for a cloud whose attributes are known.
+#[pyclass(frozen, name = "Recipe", module = "streamseg._core")]
+pub struct PyRecipe {
+    pub(super) segmentor: Arc<dyn Segmentor>,
+    /// The attributes of the cloud that are read.
+    #[pyo3(get)]
+    reads: Vec<String>,
+}
+
+#[pymethods]
+impl PyRecipe {
+    /// `available` are the attributes of the cloud; if it `has_more`, any other may be there too.
+    #[new]
+    #[pyo3(signature = (segmentor, available, has_more))]
+    fn new(segmentor: &Bound<'_, PyAny>, available: Vec<String>, has_more: bool) -> PyResult<Self> {
+        let (core, options) = match segmentor.cast::<PySegmentor>() {
+            Ok(built_in) => (Arc::clone(&built_in.get().core), built_in.get().options.clone()),
+            Err(_) => (Arc::new(foreign::Foreign::new(segmentor)?) as Arc<dyn Segmentor>, Options::none()),
+        };
+        let segmentor = prepared(core, options, Vec::new(), &available, has_more)?;
+        let reads = segmentor.reads();
+        Ok(Self { segmentor, reads })
+    }
+}
+
+/// The segmentor itself if there is nothing to prepare.
+fn prepared(
+    segmentor: Arc<dyn Segmentor>,
+    options: Options,
+    stages: Vec<Arc<dyn Stage>>,
+    available: &[String],
+    has_more: bool,
+) -> Result<Arc<dyn Segmentor>> {
+    let Options { filter, seed_filter, fit, .. } = options;
+    if stages.is_empty() && filter.is_none() && seed_filter.is_none() && segmentor.attributes().is_empty() {
+        return Ok(segmentor);
+    }
+    let ingredients = Ingredients { stages, filter, seed_filter, fit, segmentor };
+    Ok(Arc::new(Recipe::new(ingredients, available, has_more)?))
+}

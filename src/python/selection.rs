@@ -1,0 +1,26 @@
+//! Which segments a run keeps in the end: the options that every segmentor has.
+
+use super::spans::count;
+use crate::error::Result;
+use crate::size::{SizeLimits, Sort};
+use crate::weaver::{Aliases, Selection};
+
+/// The limits of size and the order that were asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SizeOptions {
+    pub(super) limits: SizeLimits,
+    pub(super) sort: Sort,
+}
+
+impl SizeOptions {
+    /// Checks what was given.
+    pub(super) fn new(min_segment_size: i64, max_segment_size: Option<i64>, sort: &str) -> Result<Self> {
+        let max = max_segment_size.map(|max| count("max_segment_size", max)).transpose()?;
+        Ok(Self { limits: SizeLimits::new(count("min_segment_size", min_segment_size)?, max)?, sort: sort.parse()? })
+    }
+
+    /// Selects among the wholes of a log that has come to its end.
+    pub(super) fn select(&self, log: &mut Aliases) -> Result<Selection> {
+        Selection::new(log, self.limits, self.sort)
+    }
+}
