@@ -7,6 +7,7 @@
 from . import scenes
 from ._core import (
     ConditionalClustering,
+    PlaneExtraction,
     Proximity,
     RegionGrowing,
     Segmentor,
@@ -45,6 +46,7 @@ __all__ = [
     "LeftOut",
     "MissingExtra",
     "Outcome",
+    "PlaneExtraction",
     "OutputExists",
     "Progress",
     "Proximity",

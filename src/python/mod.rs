@@ -32,7 +32,7 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyConditionalClustering, PyProximity, PyRegionGrowing};
+    use super::segmentors::{PyConditionalClustering, PyPlaneExtraction, PyProximity, PyRegionGrowing};
     #[pymodule_export]
     use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]

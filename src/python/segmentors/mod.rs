@@ -3,6 +3,7 @@
 mod base;
 mod conditional_clustering;
 mod foreign;
+mod plane_extraction;
 mod proximity;
 mod region_growing;
 
@@ -13,6 +14,7 @@ use pyo3::prelude::*;
 pub use base::PySegmentor;
 pub use conditional_clustering::PyConditionalClustering;
 pub use foreign::PyWindow;
+pub use plane_extraction::PyPlaneExtraction;
 pub use proximity::PyProximity;
 pub use region_growing::PyRegionGrowing;
 
