@@ -68,6 +68,12 @@ impl Lattice {
         if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
     }
 
+    /// Where `to` lies from `from`, in real units: on a lattice nothing is lost before the scale comes in.
+    #[inline]
+    pub(crate) fn offset_between(&self, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| (to[k] - from[k]) * self.scale[k])
+    }
+
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
     /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]

@@ -1,4 +1,4 @@
-"""DBSCAN: the core partition and the noise are scikit-learn's, border points follow our rule; streamed equals static."""
+"""DBSCAN: core partition and noise are scikit-learn's, border points follow our rule; streamed equals static."""
 
 from __future__ import annotations
 

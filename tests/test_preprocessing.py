@@ -129,7 +129,7 @@ def test_a_cloud_is_measured_the_same_in_any_order() -> None:
 
 
 def test_live_sources_take_running_statistics() -> None:
-    live = (small(200) + [i * 1000, 0, 0] for i in range(4))
+    live = (small(200) + np.array([i * 1000, 0, 0]) for i in range(4))
     with pytest.raises(ss.InvalidParameter, match="which a live source cannot give; use statistics='running'"):
         ss.preprocess(live, ss.StatisticalOutlierRemoval())
     spans = list(ss.preprocess(live, ss.StatisticalOutlierRemoval(statistics="running")))

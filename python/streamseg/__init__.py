@@ -8,6 +8,7 @@ from . import scenes
 from ._core import (
     ConditionalClustering,
     Dbscan,
+    PlaneExtraction,
     Proximity,
     RadiusOutlierRemoval,
     RegionGrowing,
@@ -37,6 +38,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
@@ -53,6 +55,7 @@ __all__ = [
     "MissingExtra",
     "Outcome",
     "OutputExists",
+    "PlaneExtraction",
     "Progress",
     "Proximity",
     "RadiusOutlierRemoval",
@@ -75,6 +78,8 @@ __all__ = [
     "WindowPoints",
     "__version__",
     "features",
+    "plugin",
+    "plugin_names",
     "prepare",
     "preprocess",
     "preview",

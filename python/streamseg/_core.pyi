@@ -16,6 +16,7 @@ __all__ = [
     "Dbscan",
     "FeatureSurvey",
     "Pipeline",
+    "PlaneExtraction",
     "Proximity",
     "RadiusOutlierRemoval",
     "Recipe",
@@ -126,6 +127,38 @@ class ConditionalClustering(Segmentor):
     def search_mode(self) -> str: ...
     @property
     def is_symmetric(self) -> bool: ...
+
+@final
+class PlaneExtraction(Segmentor):
+    def __new__(
+        cls,
+        search_radius: float | Sequence[float] | None = None,
+        *,
+        k: int | None = None,
+        search_mode: str = "3d",
+        max_distance: float = ...,
+        max_sigma: float = ...,
+        min_angle_deg: float = ...,
+        seed_calculator: str = ...,
+        tile_size: float | None = None,
+        **options: Unpack[_Options],
+    ) -> PlaneExtraction: ...
+    @property
+    def search_radius(self) -> float | tuple[float, ...]: ...
+    @property
+    def k(self) -> int | None: ...
+    @property
+    def search_mode(self) -> str: ...
+    @property
+    def max_distance(self) -> float: ...
+    @property
+    def max_sigma(self) -> float: ...
+    @property
+    def min_angle_deg(self) -> float: ...
+    @property
+    def seed_calculator(self) -> str: ...
+    @property
+    def tile_size(self) -> float: ...
 
 @final
 class RegionGrowing(Segmentor):

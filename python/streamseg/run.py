@@ -72,7 +72,7 @@ def stream(
         For an array: its attributes, such as ``{"gps_time": …}``. For a live source the names of those that its items
         bring along and that are to be used instead of computing them. Case and underscores of names do not matter.
     preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
-        What is done before segmenting, in order. Removed points come out as -1; the points of a voxel all get its label.
+        What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.

@@ -35,7 +35,7 @@ mod _core {
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyConditionalClustering, PyDbscan, PyProximity, PyRegionGrowing};
+    use super::segmentors::{PyConditionalClustering, PyDbscan, PyPlaneExtraction, PyProximity, PyRegionGrowing};
     #[pymodule_export]
     use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]

@@ -1,6 +1,6 @@
 """Slow twins of preprocessing, in NumPy and SciPy, after the words of the sources.
 
-The statistical one in the dialect "open3d" was compared with Open3D 0.20 itself, point by point, on four measured clouds.
+The statistical one in the dialect "open3d" was compared with Open3D 0.20 itself, point by point, on four clouds.
 """
 
 from __future__ import annotations

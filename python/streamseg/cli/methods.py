@@ -6,7 +6,16 @@ import ast
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from .._core import ConditionalClustering, Dbscan, PlaneExtraction, Proximity, RegionGrowing
+from .._core import (
+    ConditionalClustering,
+    Dbscan,
+    PlaneExtraction,
+    Proximity,
+    RadiusOutlierRemoval,
+    RegionGrowing,
+    StatisticalOutlierRemoval,
+    VoxelGrid,
+)
 from ..errors import InvalidParameter
 from ..plugins import plugin, plugin_names
 
@@ -120,16 +129,16 @@ def stages(outliers: str | None, lonely: str | None, voxel: float | None) -> lis
     made: list[Any] = []
     if outliers is not None:
         k, multiplier, dialect = (*outliers.split(","), "", "")[:3]
-        given = {"multiplier": _number("--outliers", multiplier)} if multiplier else {}
-        made.append(
-            StatisticalOutlierRemoval(
-                int(_number("--outliers", k)), **given, **({"dialect": dialect} if dialect else {})
-            )
-        )
+        more: dict[str, Any] = {}
+        if multiplier:
+            more["multiplier"] = _number("--outliers", multiplier)
+        if dialect:
+            more["dialect"] = dialect
+        made.append(StatisticalOutlierRemoval(int(_number("--outliers", k)), **more))
     if lonely is not None:
         radius, neighbors = (*lonely.split(","), "")[:2]
-        given = {"min_neighbors": int(_number("--lonely", neighbors))} if neighbors else {}
-        made.append(RadiusOutlierRemoval(_number("--lonely", radius), **given))
+        count: dict[str, Any] = {"min_neighbors": int(_number("--lonely", neighbors))} if neighbors else {}
+        made.append(RadiusOutlierRemoval(_number("--lonely", radius), **count))
     if voxel is not None:
         made.append(VoxelGrid(voxel))
     return made

@@ -4,6 +4,7 @@ mod base;
 mod conditional_clustering;
 mod dbscan;
 mod foreign;
+mod plane_extraction;
 mod proximity;
 mod region_growing;
 
@@ -15,6 +16,7 @@ pub use base::PySegmentor;
 pub use conditional_clustering::PyConditionalClustering;
 pub use dbscan::PyDbscan;
 pub use foreign::PyWindow;
+pub use plane_extraction::PyPlaneExtraction;
 pub use proximity::PyProximity;
 pub use region_growing::PyRegionGrowing;
 
