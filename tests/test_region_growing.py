@@ -127,7 +127,7 @@ def test_streamed_is_static(measured: Callable[[str], Cloud], name: str, radius:
     static = ss.segment_static(source, growing)
     for width, direction in zip(widths, ("x", "y", 30.0), strict=True):
         spans = ss.SpanByWidth(width if direction != 30.0 else width * 1.01, direction)
-        assert same(ss.segment(source, growing, spans=spans), static), f"width {width} along {direction}"
+        assert same(ss.segment(source, growing, spans=spans, threads=2), static), f"width {width} along {direction}"
 
 
 @pytest.mark.parametrize("width", [10.0, 60.0])
