@@ -68,6 +68,12 @@ impl Lattice {
         if self.whole { std::array::from_fn(|k| point[k] * self.scale[k] + self.offset[k]) } else { *point }
     }
 
+    /// Where `to` lies from `from`, in real units: on a lattice nothing is lost before the scale comes in.
+    #[inline]
+    pub(crate) fn offset_between(&self, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| (to[k] - from[k]) * self.scale[k])
+    }
+
     /// Horizontal coordinates in which lengths are true, as near to the lattice as the scales allow. Equal positions
     /// have equal bits, and none is too near to zero for a triangulation.
     #[inline]
@@ -82,6 +88,18 @@ impl Lattice {
     pub(crate) fn horizontal_unit(&self) -> f64 {
         if self.scale[0] == self.scale[1] { self.scale[0] } else { 1.0 }
     }
+}
+
+/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
+const MEANT_WHOLE: f64 = 1e-9;
+
+/// How many steps a length has, if that was meant to be a whole number.
+pub(crate) fn whole_steps(length: f64, step: f64) -> Option<f64> {
+    let steps = length / step;
+    let whole = steps.round();
+    // Half a unit in the last place of a large quotient is not a fraction that was meant.
+    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
+    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
 }
 
 /// Whether a position can be computed with.
@@ -142,10 +160,16 @@ impl Within {
         // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
         // coarse for the distance altogether.
         squared <= self.limit
-            || (self.rounding && squared <= 4.0 * self.limit && {
+            || (self.rounding && squared <= self.limit() && {
                 let (a, b) = pair();
                 self.pair_but_for_rounding(&a, &b, squared)
             })
+    }
+
+    /// No pair with a greater squared distance is joined.
+    #[inline]
+    pub(crate) fn limit(&self) -> f64 {
+        if self.rounding { 4.0 * self.limit } else { self.limit }
     }
 
     /// Whether no pair at least as far apart as `squared`, of points whose coordinates are no larger than `largest`, is

@@ -12,9 +12,9 @@ use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::{Segmented, Segmentor};
+use crate::segmentor::{Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans};
-use crate::weaver::{Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -37,6 +37,7 @@ pub struct Pipeline {
     finished: bool,
     look_up: LookUp,
     progress: Progress,
+    planes: LivePlanes,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -110,6 +111,7 @@ impl Pipeline {
             finished: false,
             look_up: Box::new(|_| Ok(())),
             progress: Progress::default(),
+            planes: LivePlanes::default(),
         }
     }
 
@@ -200,7 +202,7 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, .. } = match labels {
+        let Segmented { labels, seeded, planes, .. } = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -210,10 +212,20 @@ impl Pipeline {
         let begun = Instant::now();
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
-        let (seeded, agrees) = (seeded.as_deref(), None);
-        let window = LabelledWindow { index, first_span, span_points: &span_points, labels: &labels, seeded, agrees };
         let first_segment_id = self.weaver.next_id();
-        let evicted = self.weaver.weave(&window, &self.crew);
+        let evicted = {
+            let agrees = planes.as_ref().map(|planes| self.planes.agreement(&*self.segmentor, planes));
+            let window = LabelledWindow {
+                index,
+                first_span,
+                span_points: &span_points,
+                labels: &labels,
+                seeded: seeded.as_deref(),
+                agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
+            };
+            self.weaver.weave(&window, &self.crew)
+        };
+        self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
             index,
@@ -252,6 +264,36 @@ impl Pipeline {
             }
         }
         self.progress.live_segments = self.weaver.live_segments();
+    }
+}
+
+/// The planes of the segments in scope, where segments of two windows are one only if their planes agree.
+#[derive(Default)]
+struct LivePlanes {
+    /// The segment of the first plane; those of the next ids follow.
+    oldest: SegmentId,
+    planes: VecDeque<Plane>,
+}
+
+impl LivePlanes {
+    /// Whether a segment in scope and a label of the window whose planes are `newest` agree.
+    fn agreement(&self, segmentor: &dyn Segmentor, newest: &[Plane]) -> impl Fn(SegmentId, i32) -> bool + Sync {
+        move |segment_id, label| {
+            let earlier = self.planes.get((segment_id - self.oldest) as usize);
+            earlier.zip(newest.get(label as usize)).is_none_or(|(earlier, later)| segmentor.agree(earlier, later))
+        }
+    }
+
+    /// Takes in the planes of a window's segments, whose ids start from `first`, and forgets those of segments older than
+    /// `oldest_live`.
+    fn take_in(&mut self, first: SegmentId, newest: Vec<Plane>, oldest_live: SegmentId) {
+        if self.planes.is_empty() {
+            self.oldest = first;
+        }
+        self.planes.extend(newest);
+        let forgotten = (oldest_live - self.oldest).clamp(0, self.planes.len() as i64);
+        self.planes.drain(..forgotten as usize);
+        self.oldest += forgotten;
     }
 }
 

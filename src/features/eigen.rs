@@ -9,16 +9,16 @@
 use std::f64::consts::PI;
 
 /// A symmetric matrix: xx, xy, xz, yy, yz, zz.
-pub(super) type Symmetric = [f64; 6];
+pub(crate) type Symmetric = [f64; 6];
 
 /// Eigenvalues in descending order, and their unit eigenvectors, which form a right or left-handed frame.
-pub(super) struct Eigen {
-    pub(super) values: [f64; 3],
-    pub(super) vectors: [[f64; 3]; 3],
+pub(crate) struct Eigen {
+    pub(crate) values: [f64; 3],
+    pub(crate) vectors: [[f64; 3]; 3],
 }
 
 /// Decomposes a finite matrix. Where eigenvalues are equal, some fixed choice of vectors is made.
-pub(super) fn eigen(matrix: &Symmetric) -> Eigen {
+pub(crate) fn eigen(matrix: &Symmetric) -> Eigen {
     let largest = matrix.iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
     if largest == 0.0 {
         return Eigen { values: [0.0; 3], vectors: AXES };

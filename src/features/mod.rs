@@ -8,7 +8,7 @@
 //! a lattice are exact, taken in the order of (distance, point id).
 
 mod curvature;
-mod eigen;
+pub(crate) mod eigen;
 mod feature;
 mod plane;
 

@@ -4,13 +4,17 @@
 //! Adding one is one file here and one line in this list.
 
 mod conditional_clustering;
+mod dbscan;
 mod exactness;
+mod plane_extraction;
 mod proximity;
 mod region_growing;
 
 pub use conditional_clustering::ConditionalClustering;
+pub use dbscan::Dbscan;
 pub use exactness::{Assessment, Exactness, Layout};
-pub use proximity::Proximity;
+pub use plane_extraction::{Coplanarity, PlaneExtraction};
+pub use proximity::{Graph, Proximity};
 pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
 use std::ops::Range;
@@ -72,6 +76,21 @@ pub struct Plane {
     pub normal: [f64; 3],
     /// Standard deviation of its points' distances, in units of the coordinates.
     pub sigma0: f64,
+    /// How many points it was adjusted to.
+    pub points: u64,
+    /// Their covariance: xx, xy, xz, yy, yz, zz.
+    pub covariance: [f64; 6],
+}
+
+impl Plane {
+    /// How far the points of another plane lie from this one: the root of their mean squared distance.
+    pub fn deviation_of(&self, other: &Plane) -> f64 {
+        let [x, y, z] = self.normal;
+        let [xx, xy, xz, yy, yz, zz] = other.covariance;
+        let spread = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z);
+        let off: f64 = (0..3).map(|k| self.normal[k] * (other.center[k] - self.center[k])).sum();
+        (off * off + spread.max(0.0)).sqrt()
+    }
 }
 
 /// Labels the points of one window.
