@@ -100,7 +100,7 @@ impl Recipe {
         } else if has_more {
             self.reads.push(name.to_string());
         } else {
-            return Err(Error::unknown_attribute(name, available));
+            return Err(Error::unknown_attribute(name, &known_to_all(available)));
         }
         Ok(())
     }
