@@ -4,6 +4,7 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
+#[allow(dead_code)]
 mod clouds;
 #[allow(dead_code)]
 mod oracle;

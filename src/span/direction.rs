@@ -54,17 +54,16 @@ impl Extent {
             let steps = |length: f64| (length / step).round();
             return steps(along - self.low) >= radius && steps(self.high - along) > radius;
         }
-        let off = self.rounding(point, lattice) + radius * RADIUS_SLACK;
+        let off = rounding(point, lattice) + radius * RADIUS_SLACK;
         along - self.low >= radius + off && self.high - along > radius + off
     }
+}
 
-    /// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
-    fn rounding(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
-        let (real, unit) = (lattice.real(point), lattice.horizontal_unit());
-        let offset = lattice.offset();
-        let largest: f64 = (0..3).map(|k| real[k].abs() + offset[k].abs()).sum();
-        16.0 * f64::EPSILON * largest / unit
-    }
+/// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
+fn rounding(point: &[f64; 3], lattice: &Lattice) -> f64 {
+    let (real, offset) = (lattice.real(point), lattice.offset());
+    let largest: f64 = (0..3).map(|k| real[k].abs() + offset[k].abs()).sum();
+    16.0 * f64::EPSILON * largest / lattice.horizontal_unit()
 }
 
 /// More than the relative slack on a distance, see [`crate::lattice::Within`].

@@ -38,7 +38,9 @@ def dbscan(points: Steps, eps: float, min_points: int, scale: float = 1.0, metri
     is_core = 1 + np.bincount(pairs.ravel(), minlength=len(points)) >= min_points
     of_core = components(len(points), pairs[is_core[pairs].all(axis=1)])
     labels = np.where(is_core, of_core, -1)
-    border, core = np.concatenate([pairs, pairs[:, ::-1]])[np.concatenate([is_core[pairs[:, 1]], is_core[pairs[:, 0]]])].T
+    border, core = np.concatenate([pairs, pairs[:, ::-1]])[
+        np.concatenate([is_core[pairs[:, 1]], is_core[pairs[:, 0]]])
+    ].T
     at_border = ~is_core[border]
     border, core = border[at_border], core[at_border]
     axes = 3 if metric == "xyz" else 2
