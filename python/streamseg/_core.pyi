@@ -123,6 +123,7 @@ def _measure(
     threads: int,
     drop_invalid: bool,
 ) -> _Statistics: ...
+
 @final
 class ThinnedSpan:
     @property

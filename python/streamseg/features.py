@@ -46,9 +46,9 @@ def features(
     normals : {"least_squares", "robust"}, default "least_squares"
         Whether planes are fitted to all neighbors alike, or to those that are left when blunders have been removed.
     spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
-        Compute as a stream, so that only a few spans and the features themselves are in memory. By width the values are the
-        same to the last bit. With `k` and no `search_radius` a neighbor may lie in a span that is not loaded: then the
-        values of the point are NaN. Otherwise than by width, only neighbors in the same span are found.
+        Compute as a stream, so that only a few spans and the features themselves are in memory. By width the values are
+        the same to the last bit. With `k` and no `search_radius` a neighbor may lie in a span that is not loaded: then
+        the values of the point are NaN. Otherwise than by width, only neighbors in the same span are found.
     threads : int, default 1
         Spans that are worked on side by side.
 
@@ -86,7 +86,7 @@ def features(
     """
     asked = [names] if isinstance(names, str) else list(names)
     opened = open_source(source, spans)
-    search = {"k": k, "search_radius": search_radius, "search_mode": search_mode, "normals": normals}
+    search: dict[str, Any] = {"k": k, "search_radius": search_radius, "search_mode": search_mode, "normals": normals}
     if spans is None:
         columns = _features(opened.chunks(), asked, **search, scale=opened.scale, offset=opened.offset)
     else:

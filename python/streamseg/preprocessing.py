@@ -55,8 +55,8 @@ def preprocess(
     stages : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them
         What is done, in order.
     spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
-        How the cloud is cut. Default: by width, some 200 000 points each; a live source as given. Only by width the result
-        is that of the whole cloud, whatever the width; otherwise each span is preprocessed by itself.
+        How the cloud is cut. Default: by width, some 200 000 points each; a live source as given. Only by width the
+        result is that of the whole cloud, whatever the width; otherwise each span is preprocessed by itself.
     threads : int, default 1
         Spans that are worked on side by side.
     drop_invalid : bool, default False

@@ -1,6 +1,6 @@
 """Slow twins of preprocessing, in NumPy and SciPy, after the words of the sources.
 
-The statistical one in the dialect "open3d" was compared with Open3D 0.20 itself, point by point, on four measured clouds.
+The statistical one in the dialect "open3d" was compared with Open3D 0.20 itself, point by point, on measured clouds.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def statistical_inliers(
     counted = d[d > 0] if dialect == "open3d" else d
     deviation = np.sqrt(((counted - mean) ** 2).sum() / (len(d) - 1))
     threshold = mean + multiplier * deviation
-    stays = {"pcl": d <= threshold, "pdal": d < threshold, "open3d": (0 < d) & (d < threshold)}[dialect]
+    stays = {"pcl": d <= threshold, "pdal": d < threshold, "open3d": (d > 0) & (d < threshold)}[dialect]
     return stays, float(mean), float(deviation)
 
 
@@ -62,7 +62,9 @@ def centroids(points: NDArray[np.int64] | Points, voxel: NDArray[np.int64]) -> t
     return corner + sums / np.bincount(of, minlength=count)[:, None], of
 
 
-def nearest_to(points: NDArray[np.int64] | Points, centers: Points, of: NDArray[np.int64], scale: float) -> NDArray[np.int64]:
+def nearest_to(
+    points: NDArray[np.int64] | Points, centers: Points, of: NDArray[np.int64], scale: float
+) -> NDArray[np.int64]:
     """The point nearest to the center of its voxel, (m,); of equally near ones the first."""
     d = (points - centers[of]) * scale
     squared = d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] + d[:, 2] * d[:, 2]
