@@ -124,7 +124,7 @@ fn recipe(segmentor: impl Segmentor + 'static) -> Recipe {
         fit: Fit::default(),
         segmentor: Arc::new(segmentor),
     };
-    Recipe::new(ingredients, &[]).unwrap()
+    Recipe::new(ingredients, &[], false).unwrap()
 }
 
 fn surface(points: &[[f64; 3]], columns: &[Vec<f64>], growth: &Growth, survey: &Survey) -> Surface {
