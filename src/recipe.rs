@@ -82,13 +82,14 @@ impl Recipe {
     /// Decides where an attribute comes from: the cloud before all else, so that what was measured or computed with
     /// more care is used.
     fn provide(&mut self, name: &str, available: &[String], has_more: bool) -> Result<()> {
-        if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
-            if !self.reads.contains(column) {
-                self.reads.push(column.clone());
-            }
-        } else if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
+        // LAS files call their whole numbers X, Y and Z; here that is always the coordinates.
+        if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
             if !self.coordinates.contains(&axis) {
                 self.coordinates.push(axis);
+            }
+        } else if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
+            if !self.reads.contains(column) {
+                self.reads.push(column.clone());
             }
         } else if let Some(feature) = Feature::by_name(name) {
             if self.search.is_none() {
