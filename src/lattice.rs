@@ -90,6 +90,18 @@ impl Lattice {
     }
 }
 
+/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
+const MEANT_WHOLE: f64 = 1e-9;
+
+/// How many steps a length has, if that was meant to be a whole number.
+pub(crate) fn whole_steps(length: f64, step: f64) -> Option<f64> {
+    let steps = length / step;
+    let whole = steps.round();
+    // Half a unit in the last place of a large quotient is not a fraction that was meant.
+    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
+    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
+}
+
 /// Whether a position can be computed with.
 #[inline]
 pub fn is_valid(position: &[f64; 3]) -> bool {
@@ -148,10 +160,16 @@ impl Within {
         // Beyond twice the distance rounding cannot be what keeps two points apart, unless the coordinates are too
         // coarse for the distance altogether.
         squared <= self.limit
-            || (self.rounding && squared <= 4.0 * self.limit && {
+            || (self.rounding && squared <= self.limit() && {
                 let (a, b) = pair();
                 self.pair_but_for_rounding(&a, &b, squared)
             })
+    }
+
+    /// No pair with a greater squared distance is joined.
+    #[inline]
+    pub(crate) fn limit(&self) -> f64 {
+        if self.rounding { 4.0 * self.limit } else { self.limit }
     }
 
     /// Whether no pair at least as far apart as `squared`, of points whose coordinates are no larger than `largest`, is

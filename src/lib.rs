@@ -9,6 +9,7 @@
 //! | [`neighborhood`] | the points of a window → who is near whom |
 //! | [`features`] | who is near whom → what the surface is like around each point |
 //! | [`expression`] | a text → a criterion over the attributes of points |
+//! | [`survey`] | windows → whatever is to be known of their points, without segments |
 //! | [`preprocessing`] | the points of a window → fewer points |
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
@@ -59,6 +60,7 @@ pub mod segmentor;
 pub mod settlement;
 pub mod size;
 pub mod span;
+pub mod survey;
 pub mod union_find;
 pub mod weaver;
 pub mod window;

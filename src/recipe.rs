@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
 use crate::neighborhood::Search;
-use crate::preprocessing::{Preprocessed, Stage};
+use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::window::Window;
 
@@ -226,7 +226,7 @@ impl Segmentor for Recipe {
 
     fn exactness(&self) -> Exactness {
         let stages = &self.ingredients.stages;
-        let halo = stages.iter().map(|stage| stage.halo()).sum::<f64>() + self.feature_reach();
+        let halo = total_halo(stages) + self.feature_reach();
         let displacement: f64 = stages.iter().map(|stage| stage.displacement()).sum();
         self.ingredients.segmentor.exactness().with_halo(halo).with_reach(2.0 * displacement)
     }
@@ -240,18 +240,9 @@ impl Segmentor for Recipe {
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
-        let Some((first, others)) = self.ingredients.stages.split_first() else {
-            return self.segment_prepared(window.clone());
-        };
-        let Preprocessed { mut window, mut successors } = first.apply(window)?;
-        for stage in others {
-            let next = stage.apply(&window)?;
-            for successor in &mut successors {
-                *successor = successor.and_then(|of| next.successors[of as usize]);
-            }
-            window = next.window;
-        }
-        Ok(self.segment_prepared(window)?.take(&successors))
+        let Preprocessed { window, successors } = apply_all(&self.ingredients.stages, window)?;
+        let segmented = self.segment_prepared(window)?;
+        Ok(if self.ingredients.stages.is_empty() { segmented } else { segmented.take(&successors) })
     }
 
     fn agree(&self, a: &Plane, b: &Plane) -> bool {

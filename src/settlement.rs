@@ -16,6 +16,8 @@ use crate::weaver::{Aliases, Selection};
 pub struct Settlement {
     file: File,
     kept: Vec<Kept>,
+    /// So many of them, the first, do not have their final ids yet.
+    unsettled: usize,
     end: u64,
     next: usize,
 }
@@ -49,7 +51,7 @@ impl Settlement {
     /// If no temporary file can be made.
     pub fn new() -> Result<Self> {
         let file = tempfile::tempfile().map_err(|e| Error::spool("written", e))?;
-        Ok(Self { file, kept: Vec::new(), end: 0, next: 0 })
+        Ok(Self { file, kept: Vec::new(), unsettled: 0, end: 0, next: 0 })
     }
 
     /// Keeps a span whose carried ids were handed out when the log stood at `settles_at`. Positions may be
@@ -75,17 +77,18 @@ impl Settlement {
         write(bytemuck::cast_slice(segment_ids))?;
         write(bytemuck::cast_slice(positions))?;
         self.kept.push(kept);
+        self.unsettled = self.kept.len();
         Ok(())
     }
 
     /// Makes all ids final; the log has to be the one in which the spans' positions were taken, and from which was
-    /// selected.
+    /// selected. Settled once, they stay: a final id may be a number by size, which means something else to the log.
     ///
     /// # Errors
     /// If a temporary file cannot be read or written.
     pub fn settle(&mut self, log: &mut Aliases, selection: &Selection) -> Result<()> {
         let mut settling = log.settling(selection);
-        for kept in self.kept.iter().rev() {
+        while let Some(kept) = self.unsettled.checked_sub(1).map(|last| &self.kept[last]) {
             settling.rewind(log, kept.settles_at, |_, _| ())?;
             let at = kept.start + (kept.points * size_of::<i64>()) as u64;
             let mut ids = vec![0; kept.points];
@@ -95,6 +98,7 @@ impl Settlement {
                 .seek(SeekFrom::Start(at))
                 .and_then(|_| self.file.write_all(bytemuck::cast_slice(&ids)))
                 .map_err(|e| Error::spool("written", e))?;
+            self.unsettled -= 1;
         }
         Ok(())
     }
@@ -151,6 +155,8 @@ mod tests {
         log.close(&Closed { id: 3, points: 1, has_seed: true });
         log.close(&Closed { id: 1, points: 3, has_seed: true });
         let selection = Selection::new(&mut log, limits, sort).unwrap();
+        // A caller who was interrupted on the way back asks twice.
+        settlement.settle(&mut log, &selection).unwrap();
         settlement.settle(&mut log, &selection).unwrap();
         settlement.map(Result::unwrap).collect()
     }

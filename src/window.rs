@@ -171,7 +171,7 @@ impl Window {
             points,
             point_ids,
             columns,
-            extent: self.extent,
+            extent: self.extent.map(|extent| moved(extent, &self.lattice, &lattice)),
             valid: None,
             is_final: None,
             seeds: None,
@@ -254,6 +254,12 @@ impl Window {
         (low..high).contains(&(direction[0] * x + direction[1] * y))
     }
 
+    /// How far `point` is from the border of what has been loaded, on the map and in units of the coordinates: 0 if it lies
+    /// beyond, ∞ if there is no border.
+    pub fn distance_to_border(&self, point: &[f64; 3]) -> f64 {
+        self.extent.map_or(f64::INFINITY, |extent| extent.distance_to_border(point, &self.lattice))
+    }
+
     /// Whether all that is known of the point is final: no other window can know more.
     pub fn is_final(&self, point: u32) -> bool {
         self.is_final.as_ref().is_none_or(|flags| flags[point as usize])
@@ -302,6 +308,20 @@ impl Window {
 
 fn count(spans: &[Arc<Span>]) -> usize {
     spans.iter().map(|span| span.len()).sum()
+}
+
+/// The same part of the map in the horizontal coordinates of another lattice.
+fn moved(extent: Extent, from: &Lattice, to: &Lattice) -> Extent {
+    if from == to {
+        return extent;
+    }
+    let zero = |lattice: &Lattice| {
+        let [x, y] = [0, 1].map(|axis| if lattice.is_whole() { lattice.offset()[axis] } else { 0.0 });
+        extent.direction[0] * x + extent.direction[1] * y
+    };
+    let (from_zero, to_zero) = (zero(from), zero(to));
+    let border = |along: f64| (along * from.horizontal_unit() + from_zero - to_zero) / to.horizontal_unit();
+    Extent { low: border(extent.low), high: border(extent.high), step: None, ..extent }
 }
 
 fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {

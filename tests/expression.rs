@@ -230,6 +230,19 @@ fn the_examples_of_opals_can_be_read() {
 }
 
 #[test]
+fn the_examples_of_the_page_are_what_it_says() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/expressions.md")).unwrap();
+    let examples: Vec<&str> = page.split("```").nth(1).unwrap().trim().lines().collect();
+    for criterion in &examples[..3] {
+        assert_eq!(is_symmetric(criterion), Symmetry::Proven, "{criterion}");
+    }
+    Calculator::parse(examples[3]).unwrap();
+    Filter::parse(examples[4]).unwrap();
+    let error = Criterion::parse("abs(Z - n[0].Intensty) < 0.15").unwrap().check(&["X", "Y", "Z", "Intensity"]);
+    assert!(page.contains(&error.unwrap_err().to_string()));
+}
+
+#[test]
 fn attributes_come_once_as_first_written() {
     let criterion = Criterion::parse("Z > 1 and n[0].z < 2 and angle < 5 and n[0].Region[0 0 1 1 1 0]").unwrap();
     assert_eq!(criterion.attributes().collect::<Vec<_>>(), ["Z", "NormalX", "NormalY", "NormalZ", "X", "Y"]);

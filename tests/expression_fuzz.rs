@@ -264,6 +264,7 @@ fn run(text: &str, random: &mut Random) -> bool {
     let shown = error.to_string();
     let Error::Expression { column, problem, picture, .. } = error else { panic!("another error: {shown}") };
     assert!((1..=text.chars().count() + 1).contains(&column), "column {column} is outside");
+    assert!(!problem.ends_with(": ") && !problem.contains(": ;"), "nothing is allowed: {problem}");
     assert!(!problem.is_empty() && picture.lines().count() == 2, "{picture}");
     false
 }

@@ -126,10 +126,9 @@ impl Number {
     fn exchanged(&self) -> Number {
         let two = |operands: &[Number; 2]| Box::new([operands[0].exchanged(), operands[1].exchanged()]);
         match self {
-            Number::Constant(_) | Number::Invalid => self.clone(),
+            Number::Constant(_) | Number::Invalid | Number::Variable(0 | 1) => self.clone(),
             Number::Attribute(of_neighbor, name) => Number::Attribute(!of_neighbor, *name),
-            Number::Variable(2) => Number::Minus(Box::new(self.clone())),
-            Number::Variable(_) => self.clone(),
+            Number::Variable(_) => Number::Minus(Box::new(self.clone())),
             Number::Minus(a) => Number::Minus(Box::new(a.exchanged())),
             Number::Binary(operator, operands) => {
                 let mut operands = two(operands);

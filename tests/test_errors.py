@@ -22,7 +22,7 @@ PARAMETERS: dict[str, tuple[Call, str]] = {
     "distance NaN": (lambda: ss.Proximity(float("nan")), "distance is NaN, allowed: a finite number above 0"),
     "distance inf": (lambda: ss.Proximity(float("inf")), "distance is inf, allowed: a finite number above 0"),
     "metric": (lambda: ss.Proximity(1.0, metric="xz"), "metric is 'xz', allowed: 'xyz' or 'xy'"),
-    "graph": (lambda: ss.Proximity(1.0, graph="knn"), "graph is 'knn', allowed: 'delaunay'"),
+    "graph": (lambda: ss.Proximity(1.0, graph="knn"), "graph is 'knn', allowed: 'delaunay' or 'radius'"),
     "width 0": (lambda: ss.SpanByWidth(0.0), "width is 0, allowed: a finite number above 0"),
     "width negative": (lambda: ss.SpanByWidth(-5.0), "width is -5, allowed: a finite number above 0"),
     "width NaN": (lambda: ss.SpanByWidth(float("nan")), "width is NaN, allowed: a finite number above 0"),

@@ -195,6 +195,38 @@ fn two_threads_that_weave_one_window_leave_what_one_would() {
     });
 }
 
+/// Sizes are counted when points go out of scope, from what the table then says: once for each point, whoever labelled it.
+#[test]
+fn points_that_two_threads_label_count_once_and_disagreeing_segments_are_no_pair() {
+    loom::model(|| {
+        let table = table_of(2);
+        table.insert_if_absent(0, 1);
+        let shared = Arc::new((table, Pairs::new(1, 4)));
+        let weave = |(table, pairs): &(PointSegment, Pairs), label: i32| {
+            for point in 0..2 {
+                if let Inserted::Kept(from) = table.insert_if_absent(point, 2 + i64::from(label)) {
+                    pairs.add(from, label, 1);
+                }
+            }
+        };
+        let other = Arc::clone(&shared);
+        let other = thread::spawn(move || weave(&other, 1));
+        weave(&shared, 0);
+        other.join().unwrap();
+        let (table, pairs) = sole(shared);
+        let (first, second) = (table.get(0), table.get(1));
+        assert_eq!(first, Some(1));
+        let mut sealed = pairs.seal();
+        // Who came second with point 1 has met the other.
+        let met = if second == Some(2) { (2, 1, 1) } else { (3, 0, 1) };
+        assert_eq!(sealed, [(1, 0, 1), (1, 1, 1), met]);
+        sealed.retain(|&(from, label, _)| from != 1 || label != 0);
+        assert_eq!(sealed, [(1, 1, 1), met]);
+        table.evict_before(2);
+        assert_eq!(table.live(), 0);
+    });
+}
+
 /// A thread that still reads the points of a span while another lets it go and weaves the next window into its place.
 #[test]
 fn handing_a_span_out_while_the_next_window_is_woven_mixes_nothing() {

@@ -7,14 +7,19 @@
 from . import scenes
 from ._core import (
     ConditionalClustering,
+    Dbscan,
     PlaneExtraction,
     Proximity,
+    RadiusOutlierRemoval,
     RegionGrowing,
     Segmentor,
     SpanByCount,
     SpanByScanLine,
     SpanByTime,
     SpanByWidth,
+    StatisticalOutlierRemoval,
+    ThinnedSpan,
+    VoxelGrid,
     Window,
     WindowPoints,
     __version__,
@@ -33,12 +38,15 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .plugins import plugin, plugin_names
+from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
 from .stream import LeftOut, Progress, Span, Stream
 
 __all__ = [
     "ConditionalClustering",
+    "Dbscan",
     "FileError",
     "History",
     "InvalidInput",
@@ -46,10 +54,11 @@ __all__ = [
     "LeftOut",
     "MissingExtra",
     "Outcome",
-    "PlaneExtraction",
     "OutputExists",
+    "PlaneExtraction",
     "Progress",
     "Proximity",
+    "RadiusOutlierRemoval",
     "RegionGrowing",
     "Segmentor",
     "SegmentorError",
@@ -58,14 +67,21 @@ __all__ = [
     "SpanByScanLine",
     "SpanByTime",
     "SpanByWidth",
+    "StatisticalOutlierRemoval",
     "Stream",
     "StreamInUse",
     "StreamsegError",
     "StreamsegWarning",
+    "ThinnedSpan",
+    "VoxelGrid",
     "Window",
     "WindowPoints",
     "__version__",
     "features",
+    "plugin",
+    "plugin_names",
+    "prepare",
+    "preprocess",
     "preview",
     "resolve_file",
     "scenes",

@@ -13,10 +13,13 @@ _Progress = tuple[int, int, int, int, int, float]
 
 __all__ = [
     "ConditionalClustering",
+    "Dbscan",
+    "FeatureSurvey",
     "Pipeline",
-    "Proximity",
-    "Recipe",
     "PlaneExtraction",
+    "Proximity",
+    "RadiusOutlierRemoval",
+    "Recipe",
     "RegionGrowing",
     "Replay",
     "Scene",
@@ -28,10 +31,17 @@ __all__ = [
     "SpanByScanLine",
     "SpanByTime",
     "SpanByWidth",
+    "SpanFeatures",
+    "StatisticalOutlierRemoval",
+    "ThinnedSpan",
+    "Thinning",
+    "VoxelGrid",
     "Window",
     "WindowPoints",
     "__version__",
     "_features",
+    "_halo_of",
+    "_measure",
     "default_spans",
 ]
 
@@ -86,6 +96,16 @@ class Proximity(Segmentor):
     def distance(self) -> float: ...
     @property
     def graph(self) -> str: ...
+    @property
+    def metric(self) -> str: ...
+
+@final
+class Dbscan(Segmentor):
+    def __new__(cls, eps: float, min_points: int = ..., metric: str = "xyz", **options: Unpack[_Options]) -> Dbscan: ...
+    @property
+    def eps(self) -> float: ...
+    @property
+    def min_points(self) -> int: ...
     @property
     def metric(self) -> str: ...
 
@@ -174,9 +194,123 @@ class RegionGrowing(Segmentor):
 
 @final
 class Recipe:
-    def __new__(cls, segmentor: Any, available: list[str], has_more: bool) -> Recipe: ...
+    def __new__(cls, segmentor: Any, stages: Sequence[Any], available: list[str], has_more: bool) -> Recipe: ...
     @property
     def reads(self) -> list[str]: ...
+
+_Statistics = tuple[int, float, float]
+_Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
+_LatticeOf = tuple[_Triple, _Triple]
+
+@final
+class StatisticalOutlierRemoval:
+    def __new__(
+        cls, k: int = 8, multiplier: float = 2.0, dialect: str = "pcl", statistics: str | _Statistics | None = None
+    ) -> StatisticalOutlierRemoval: ...
+    def __getnewargs__(self) -> tuple[int, float, str, str | _Statistics]: ...
+    @property
+    def k(self) -> int: ...
+    @property
+    def multiplier(self) -> float: ...
+    @property
+    def dialect(self) -> Literal["pcl", "pdal", "open3d"]: ...
+    @property
+    def statistics(self) -> Literal["global", "running"] | _Statistics: ...
+    @property
+    def threshold(self) -> float | None: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class RadiusOutlierRemoval:
+    def __new__(cls, radius: float, min_neighbors: int = 2) -> RadiusOutlierRemoval: ...
+    def __getnewargs__(self) -> tuple[float, int]: ...
+    @property
+    def radius(self) -> float: ...
+    @property
+    def min_neighbors(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class VoxelGrid:
+    def __new__(cls, size: float, representative: str = "centroid") -> VoxelGrid: ...
+    def __getnewargs__(self) -> tuple[float, str]: ...
+    @property
+    def size(self) -> float: ...
+    @property
+    def representative(self) -> Literal["centroid", "nearest"]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+def _halo_of(stages: Sequence[Any]) -> float: ...
+def _measure(
+    chunks: Callable[[], _Chunks],
+    removal: StatisticalOutlierRemoval,
+    earlier: Sequence[Any],
+    *,
+    spans: Any,
+    width: float,
+    lattice: _LatticeOf | None,
+    threads: int,
+    drop_invalid: bool,
+) -> _Statistics: ...
+
+@final
+class ThinnedSpan:
+    @property
+    def index(self) -> int: ...
+    @property
+    def points(self) -> NDArray[np.float64]: ...
+    @property
+    def point_ids(self) -> _Ids: ...
+    @property
+    def count(self) -> int: ...
+    def __len__(self) -> int: ...
+
+@final
+class Thinning:
+    def __new__(
+        cls,
+        chunks: _Chunks,
+        stages: Sequence[Any],
+        spans: Any,
+        *,
+        stored: bool,
+        lattice: _LatticeOf | None,
+        threads: int,
+        drop_invalid: bool,
+    ) -> Thinning: ...
+    def __iter__(self) -> Thinning: ...
+    def __next__(self) -> ThinnedSpan: ...
+
+@final
+class SpanFeatures:
+    @property
+    def point_ids(self) -> _Ids: ...
+    @property
+    def columns(self) -> list[NDArray[np.float64]]: ...
+    @property
+    def undecided(self) -> int: ...
+
+@final
+class FeatureSurvey:
+    def __new__(
+        cls,
+        chunks: _Chunks,
+        names: Sequence[str],
+        spans: Any,
+        *,
+        k: int | None,
+        search_radius: float | Sequence[float] | None,
+        search_mode: str,
+        normals: str,
+        stored: bool,
+        lattice: _LatticeOf | None,
+        threads: int,
+    ) -> FeatureSurvey: ...
+    def __iter__(self) -> FeatureSurvey: ...
+    def __next__(self) -> SpanFeatures: ...
 
 @final
 class SpanByWidth:

@@ -41,8 +41,12 @@ def describe(path: PathLike) -> Iterator[tuple[str, str]]:
 def _of_history(folder: Path) -> Iterator[tuple[str, str]]:
     manifest = History(folder).manifest
     yield "history of", manifest["source"]
-    for name, value in manifest["parameters"].items():
-        yield name, value
+    parameters = dict(manifest["parameters"])
+    least, most, sort = (parameters.pop(name, None) for name in ("min_segment_size", "max_segment_size", "sort"))
+    yield from parameters.items()
+    if least is not None:
+        limits = f"at least {least}" if most is None else f"{least} to {most}"
+        yield "sizes", f"{limits} points, in {sort} order"
     yield "complete", "yes" if manifest["complete"] else "no: the run was stopped, interrupted, or its input damaged"
     for name in ("points", "spans", "windows", "segment_ids"):
         yield name.replace("_", " "), f"{manifest[name]:,}"

@@ -8,9 +8,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._core import _features
+from ._core import FeatureSurvey, _features
 from .errors import warn
-from .source import open_source
+from .preprocessing import SpanBy, lattice_of
+from .source import Source, laid_out, needed_by, open_source
 
 
 def features(
@@ -21,6 +22,8 @@ def features(
     search_radius: float | Sequence[float] | None = None,
     search_mode: Literal["2d", "2.5d", "3d"] = "3d",
     normals: Literal["least_squares", "robust"] = "least_squares",
+    spans: SpanBy | None = None,
+    threads: int = 1,
 ) -> dict[str, NDArray[np.float64]]:
     """Compute features of every point of a whole cloud from its neighbors.
 
@@ -42,6 +45,12 @@ def features(
         A ball, a cylinder, or a disc on the map, which is a cylinder without end. With `k`: "3d" or "2d".
     normals : {"least_squares", "robust"}, default "least_squares"
         Whether planes are fitted to all neighbors alike, or to those that are left when blunders have been removed.
+    spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
+        Compute as a stream, so that only a few spans and the features themselves are in memory. By width the values
+        are the same to the last bit. With `k` and no `search_radius` a neighbor may lie in a span that is not loaded: then the
+        values of the point are NaN. Otherwise than by width, only neighbors in the same span are found.
+    threads : int, default 1
+        Spans that are worked on side by side.
 
     Returns
     -------
@@ -51,7 +60,7 @@ def features(
     Warns
     -----
     StreamsegWarning
-        If a file is damaged.
+        If a file is damaged, or points have no value because their neighbors were not all loaded.
 
     Raises
     ------
@@ -76,17 +85,37 @@ def features(
     [-0.7071, 0.7071]
     """
     asked = [names] if isinstance(names, str) else list(names)
-    opened = open_source(source)
-    columns = _features(
-        opened.chunks(()),
-        asked,
-        k=k,
-        search_radius=search_radius,
-        search_mode=search_mode,
-        normals=normals,
-        scale=opened.scale,
-        offset=opened.offset,
-    )
+    opened = laid_out(open_source(source), spans)
+    search: dict[str, Any] = {"k": k, "search_radius": search_radius, "search_mode": search_mode, "normals": normals}
+    if spans is None:
+        columns = _features(opened.chunks(()), asked, **search, scale=opened.scale, offset=opened.offset)
+    else:
+        columns = _streamed(opened, asked, spans, threads, search)
     if damage := opened.damage():
         warn(damage)
     return dict(zip(asked, columns, strict=True))
+
+
+def _streamed(
+    source: Source, names: list[str], spans: SpanBy, threads: int, search: dict[str, Any]
+) -> list[NDArray[np.float64]]:
+    survey = FeatureSurvey(
+        source.chunks(needed_by(spans)),
+        names,
+        spans,
+        stored=source.stored,
+        lattice=lattice_of(source),
+        threads=threads,
+        **search,
+    )
+    found = list(survey)
+    point_ids = np.concatenate([part.point_ids for part in found]) if found else np.empty(0, np.int64)
+    columns = [np.full(len(point_ids), np.nan) for _ in names]
+    for number, column in enumerate(columns):
+        column[point_ids] = np.concatenate([part.columns[number] for part in found]) if found else []
+    if undecided := sum(part.undecided for part in found):
+        warn(
+            f"{undecided:,} of {len(point_ids):,} points have no value, because their neighbors were not all loaded: "
+            "use wider spans, or search_radius beside k"
+        )
+    return columns

@@ -13,7 +13,7 @@ from ._core import Window
 from .errors import InvalidInput, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
-from .run import SpanBy, stream
+from .run import SpanBy, Stages, stream
 from .source import PathLike, counted, open_source
 from .stream import LeftOut, Progress, Result, Stream
 
@@ -48,6 +48,7 @@ def segment_file(
     result: Result = "final",
     threads: int | None = None,
     drop_invalid: bool = False,
+    preprocess: Stages = (),
     overwrite: bool = False,
     on_open: Callable[[int | None], None] | None = None,
     on_read: Callable[[int], None] | None = None,
@@ -62,7 +63,7 @@ def segment_file(
         LAS, LAZ, NumPy or text, all of one kind.
     output : path
         LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
-    segmentor, spans, window, history, threads, drop_invalid
+    segmentor, spans, window, history, threads, drop_invalid, preprocess
         As for `stream`.
     result : {"final", "carry", "history"}, default "final"
         Which ids are written.
@@ -112,6 +113,7 @@ def segment_file(
             result=result,
             threads=threads,
             drop_invalid=drop_invalid,
+            preprocess=preprocess,
             overwrite=overwrite,
             on_progress=_first(interrupt.check, on_progress),
             with_points=False,

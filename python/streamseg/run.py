@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,13 @@ import numpy as np
 from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
 from .errors import InvalidParameter, warn
 from .history import HistoryWriter
-from .source import Attributes, PathLike, Source, needed_by, open_source
+from .preprocessing import Stage, prepare
+from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
 from .stream import RESULTS, Ids, Progress, Result, Stream
 
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
+
+Stages = Stage | Sequence[Stage]
 
 # What every segmentor may say of the segments that final results keep.
 SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
@@ -33,6 +36,7 @@ def stream(
     drop_invalid: bool = False,
     overwrite: bool = False,
     attributes: Attributes | None = None,
+    preprocess: Stages = (),
     on_progress: Callable[[Progress], None] | None = None,
     with_points: bool = True,
 ) -> Stream:
@@ -67,6 +71,9 @@ def stream(
     attributes : mapping of (n,) arrays, or sequence of names, optional
         For an array: its attributes, such as ``{"gps_time": …}``. For a live source the names of those that its items
         bring along and that are to be used instead of computing them. Case and underscores of names do not matter.
+    preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
+        What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
+        Statistics of the whole cloud take a pass of their own over it before the run.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -97,10 +104,8 @@ def stream(
     """
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    opened = open_source(source, attributes)
-    if opened.can_be_stored and isinstance(spans, SpanByWidth):
-        opened = opened._replace(stored=True)
-    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    opened = laid_out(open_source(source, attributes), spans)
+    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
     if spans is None and opened.stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
     core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
@@ -117,12 +122,19 @@ def stream(
             "segmentor": repr(segmentor),
             "spans": repr(spans),
             "window": repr(window or Window()),
+            "preprocess": repr(preprocess),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
             Path(history), source=opened.name, parameters=parameters, promise=core.promise, overwrite=overwrite
         )
     return Stream(opened, core, result, writer, with_points)
+
+
+def _recipe(segmentor: Any, stages: Stages, source: Source, drop_invalid: bool) -> Recipe:
+    """Prepare all that is done to a window; measures the cloud where a stage needs it."""
+    ready = prepare(stages, source, drop_invalid=drop_invalid) if stages else []
+    return Recipe(segmentor, ready, list(source.attributes), source.has_more)
 
 
 def _pipeline(
@@ -169,12 +181,13 @@ def segment(
     threads: int | None = None,
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
+    preprocess: Stages = (),
 ) -> Ids:
     """Segment a cloud as a stream and return the final segment id of every point.
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes
+    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess
         As for `stream`. A live source has to end.
 
     Returns
@@ -196,6 +209,7 @@ def segment(
         threads=threads,
         drop_invalid=drop_invalid,
         attributes=attributes,
+        preprocess=preprocess,
         result="final",
         with_points=False,
     ) as run:
@@ -208,12 +222,13 @@ def segment_static(
     *,
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
+    preprocess: Stages = (),
 ) -> Ids:
     """Segment the whole cloud as one window.
 
     Parameters
     ----------
-    source, segmentor, drop_invalid, attributes
+    source, segmentor, drop_invalid, attributes, preprocess
         As for `stream`. The cloud has to fit in memory.
 
     Returns
@@ -229,7 +244,7 @@ def segment_static(
     """
     whole = SpanByCount(np.iinfo(np.int64).max)
     opened = open_source(source, attributes)
-    recipe = Recipe(segmentor, list(opened.attributes), opened.has_more)
+    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
     core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
     return _in_input_order(Stream(opened, core, "final", None, with_points=False))
 

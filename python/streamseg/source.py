@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import SpanByScanLine, SpanByTime
+from ._core import SpanByScanLine, SpanByTime, SpanByWidth
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
@@ -70,6 +70,11 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     raise InvalidInput(
         f"source is {type(source).__name__}, allowed: a path, several paths, an (n, 3) array, or an iterable of arrays"
     )
+
+
+def laid_out(source: Source, spans: Spans) -> Source:
+    """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
+    return source._replace(stored=True) if source.can_be_stored and isinstance(spans, SpanByWidth) else source
 
 
 def needed_by(spans: Spans) -> tuple[str, ...]:

@@ -18,12 +18,15 @@
 //! # Ok::<(), streamseg::error::Error>(())
 //! ```
 
+mod counterexample;
+mod normal_form;
 mod operation;
 mod parse;
 mod problem;
 mod program;
 mod region;
 mod symmetry;
+mod syntax;
 mod tree;
 
 use crate::attribute::is_same_name;

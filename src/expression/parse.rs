@@ -1,32 +1,14 @@
-//! From a text to a tree. The grammar is in `expression.pest`.
+//! From a text to a tree: order of operators, types, names.
 
-use pest::Parser;
-use pest::error::{ErrorVariant, InputLocation};
 use pest::iterators::{Pair, Pairs};
 
 use super::operation::{FUNCTIONS, Operation, Type};
 use super::problem::{Kind, mistake, suggestion};
 use super::program;
 use super::region::Region;
+use super::syntax::{self, DEEPEST, Rule};
 use super::tree::{Classes, Node, NodeId, PairVariable, Side, Tree, arity};
 use crate::error::{Error, Result};
-
-/// In a module of its own, where the lints leave generated code alone.
-mod grammar {
-    #![allow(missing_docs, clippy::pedantic)]
-
-    #[derive(pest_derive::Parser)]
-    #[grammar = "expression/expression.pest"]
-    pub(super) struct Grammar;
-}
-
-use grammar::{Grammar, Rule};
-
-/// A text may have so many characters.
-const LONGEST: usize = 4096;
-
-/// Brackets may be open in brackets, and values wait for the rest of a calculation, so many at a time.
-pub(super) const DEEPEST: usize = 64;
 
 /// The classes of LAS 1.4.
 const CLASSES: &[(&str, u8)] = &[
@@ -61,10 +43,8 @@ const PAIR_VARIABLES: &[(&str, PairVariable)] = &[
 
 /// Reads a text: syntax, types, and whether it may be used as this kind of expression.
 pub(super) fn parse(kind: Kind, text: &str) -> Result<Tree> {
+    let whole = syntax::read(kind, text)?;
     let mut reader = Reader { kind, text, tree: Tree::default() };
-    reader.check_size()?;
-    let whole = Grammar::parse(Rule::text, text).map_err(|error| reader.syntax(&error))?.next();
-    let Some(whole) = whole else { return Err(reader.mistake(0, "nothing to read")) };
     let root = reader.expression(whole.into_inner())?;
     reader.tree.root = reader.rooted(root)?;
     if program::depth(&reader.tree) > DEEPEST {
@@ -148,21 +128,6 @@ impl Reader<'_> {
 
     fn written(&self, operand: Operand) -> &str {
         &self.text[operand.start..operand.end]
-    }
-
-    /// Refuses what is too long, and what is nested too deeply for the parser, which is recursive.
-    fn check_size(&self) -> Result<()> {
-        if let Some((at, _)) = self.text.char_indices().nth(LONGEST) {
-            return Err(self.mistake(at, format!("the text is too long, allowed: {LONGEST} characters")));
-        }
-        let mut brackets = Brackets::default();
-        for (at, c) in self.text.char_indices() {
-            brackets.pass(c);
-            if brackets.open.len() > DEEPEST {
-                return Err(self.mistake(at, format!("brackets are nested too deeply, allowed: {DEEPEST} levels")));
-            }
-        }
-        Ok(())
     }
 
     /// The whole has to be true or false, or a number, as its kind demands.
@@ -495,95 +460,4 @@ impl Reader<'_> {
             _ => Node::Number(f64::NAN),
         }))
     }
-
-    /// Says what was found where the grammar came to its end, and what may stand there.
-    fn syntax(&self, error: &pest::error::Error<Rule>) -> Error {
-        let (InputLocation::Pos(at) | InputLocation::Span((at, _))) = error.location;
-        let rest = &self.text[at..];
-        let found = match rest.chars().next() {
-            None if self.text.trim().is_empty() => "the text is empty".to_owned(),
-            None => "the text ends here".to_owned(),
-            Some(c) if c.is_alphanumeric() || c == '_' => {
-                let word: String = rest.chars().take_while(|&c| c.is_alphanumeric() || c == '_').take(20).collect();
-                format!("found '{word}'")
-            }
-            Some(c) => format!("found '{}'", c.escape_debug()),
-        };
-        let expected = match &error.variant {
-            ErrorVariant::ParsingError { positives, .. } => self.expected(positives, at),
-            ErrorVariant::CustomError { message } => message.clone(),
-        };
-        self.mistake(at, format!("{found}, {expected}"))
-    }
-
-    fn expected(&self, rules: &[Rule], at: usize) -> String {
-        let mut allowed: Vec<&str> = rules.iter().filter_map(|&rule| description(rule)).collect();
-        allowed.sort_unstable();
-        allowed.dedup();
-        if allowed.contains(&VALUE) {
-            allowed.retain(|&text| text != NAME && text != "a number");
-        }
-        let hint = match self.text[at..].chars().next() {
-            Some('[') => {
-                "; square brackets follow n, Generic, Region and Class, or stand around the name of an attribute"
-            }
-            Some('&') => "; 'and' is written and or &&",
-            Some('|') => "; 'or' is written or or ||",
-            Some('<' | '>' | '=') => "; comparisons are written < <= > >= == !=",
-            Some(',') => "; the decimal sign is a point, and commas stand only between what a function is given",
-            _ => "",
-        };
-        let mut brackets = Brackets::default();
-        self.text[..at].chars().for_each(|c| brackets.pass(c));
-        if allowed != [VALUE] && allowed != [NAME] {
-            allowed.extend(brackets.closing());
-        }
-        format!("allowed here: {}{hint}", allowed.join(", "))
-    }
-}
-
-/// Which brackets are open. One that does not match closes nothing, so these are never fewer than the parser finds.
-#[derive(Default)]
-struct Brackets {
-    open: Vec<char>,
-}
-
-impl Brackets {
-    fn pass(&mut self, c: char) {
-        match c {
-            '(' | '[' | '?' => self.open.push(c),
-            ')' => drop(self.open.pop_if(|open| *open == '(')),
-            ']' => drop(self.open.pop_if(|open| *open == '[')),
-            ':' => drop(self.open.pop_if(|open| *open == '?')),
-            _ => {}
-        }
-    }
-
-    /// What closes the last one.
-    fn closing(&self) -> Option<&'static str> {
-        self.open.last().map(|open| match open {
-            '(' => "')'",
-            '[' => "']'",
-            _ => "':'",
-        })
-    }
-}
-
-const VALUE: &str = "a value such as 1.5, Z or abs(Z)";
-const NAME: &str = "the name of an attribute";
-
-/// What a rule of the grammar is called in messages.
-fn description(rule: Rule) -> Option<&'static str> {
-    Some(match rule {
-        Rule::EOI => "the end",
-        Rule::expression | Rule::attribute => VALUE,
-        Rule::name => NAME,
-        Rule::number => "a number",
-        Rule::coordinate => "a coordinate",
-        Rule::class_name => "a class",
-        Rule::index => "0",
-        Rule::dot => "'.'",
-        Rule::add | Rule::or | Rule::and | Rule::choose => "an operator such as + < and",
-        _ => return None,
-    })
 }

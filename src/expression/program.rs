@@ -1,8 +1,8 @@
 //! A tree, bound to columns, as a flat list of steps over a small stack: no look-ups, no allocation, no recursion.
 
 use super::operation::{Kernel, Operation, finite};
-use super::parse::DEEPEST;
 use super::region::Region;
+use super::syntax::DEEPEST;
 use super::tree::{Classes, Node, NodeId, PairVariable, Side, Tree};
 use super::{Columns, Pair};
 
@@ -19,7 +19,12 @@ enum Step<'a> {
     Inside(Side, Box<(Region, [&'a [f64]; 2])>),
     Class(Side, Box<(Classes, &'a [f64])>),
     One(fn(f64) -> f64),
+    /// Of the value below and the value at hand.
     Two(fn(f64, f64) -> f64),
+    /// Of the value at hand and this one: in place of two steps where the right operand is that simple.
+    TwoNumber(fn(f64, f64) -> f64, f64),
+    TwoPoint(fn(f64, f64) -> f64, &'a [f64]),
+    TwoNeighbor(fn(f64, f64) -> f64, &'a [f64]),
     /// Skips so many steps if the value at hand is true and stays the result; else drops it.
     OrElse(usize),
     /// Skips so many steps if the value at hand is false and stays the result; else drops it.
@@ -96,7 +101,7 @@ impl<'a> Program<'a> {
                 }
                 Step::Class(side, class) => {
                     let (classes, column) = &**class;
-                    f64::from(u8::from(holds(classes, column[of(*side, point, neighbor)])))
+                    f64::from(u8::from(holds_class(classes, column[of(*side, point, neighbor)])))
                 }
                 Step::One(compute) => {
                     top = compute(top);
@@ -105,6 +110,18 @@ impl<'a> Program<'a> {
                 Step::Two(compute) => {
                     below -= 1;
                     top = compute(stack[below % N], top);
+                    continue;
+                }
+                Step::TwoNumber(compute, value) => {
+                    top = compute(top, *value);
+                    continue;
+                }
+                Step::TwoPoint(compute, column) => {
+                    top = compute(top, finite(column[point]));
+                    continue;
+                }
+                Step::TwoNeighbor(compute, column) => {
+                    top = compute(top, finite(column[neighbor]));
                     continue;
                 }
                 Step::Skip(steps) => {
@@ -146,7 +163,7 @@ fn of(side: Side, point: usize, neighbor: usize) -> usize {
     }
 }
 
-fn holds(classes: &Classes, value: f64) -> bool {
+pub(super) fn holds_class(classes: &Classes, value: f64) -> bool {
     let class = value as u8;
     f64::from(class) == value && classes[usize::from(class / 64)] >> (class % 64) & 1 == 1
 }
@@ -188,8 +205,15 @@ fn apply<'a>(operation: Operation, operands: &[NodeId], codes: &mut [Code<'a>]) 
         Kernel::Two(compute) => {
             for part in parts {
                 code.depth = code.depth.max(part.depth + 1);
-                code.steps.extend(part.steps);
-                code.steps.push(Step::Two(compute));
+                match part.steps[..] {
+                    [Step::Number(value)] => code.steps.push(Step::TwoNumber(compute, value)),
+                    [Step::Point(column)] => code.steps.push(Step::TwoPoint(compute, column)),
+                    [Step::Neighbor(column)] => code.steps.push(Step::TwoNeighbor(compute, column)),
+                    _ => {
+                        code.steps.extend(part.steps);
+                        code.steps.push(Step::Two(compute));
+                    }
+                }
             }
         }
         Kernel::Lazy => match (operation, parts.next(), parts.next()) {

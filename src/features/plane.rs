@@ -13,6 +13,9 @@ use super::eigen::{Eigen, dot, eigen};
 /// Neighbors whose second axis is shorter than this, squared and relative to the first, lie on a line.
 const LINE: f64 = 1e-12;
 
+/// A component of a normal below this is 0.
+const UPRIGHT: f64 = 1e-12;
+
 /// Huber's and Tukey's constants, in standard deviations: 95 % efficiency at normally distributed residuals.
 const HUBER: f64 = 1.345;
 const TUKEY: f64 = 4.685;
@@ -44,7 +47,8 @@ impl Plane {
 
     /// The unit normal that points upward: z > 0, else y > 0, else x > 0.
     pub(super) fn normal(&self) -> [f64; 3] {
-        let [x, y, z] = self.axes[2];
+        // Rounding must not decide which side of a wall is up.
+        let [x, y, z] = self.axes[2].map(|c| if c.abs() < UPRIGHT { 0.0 } else { c });
         let sign = if z != 0.0 {
             z
         } else if y != 0.0 {

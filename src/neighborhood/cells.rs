@@ -143,13 +143,13 @@ impl Bounds {
     /// The squared distance from `point` to these bounds.
     #[inline]
     pub fn squared_gap(&self, point: &[f64; 3], weights: &[f64; 3]) -> f64 {
-        squared((0..3).map(|k| (self.low[k] - point[k]).max(point[k] - self.high[k])), weights)
+        squared(std::array::from_fn(|k| larger(self.low[k] - point[k], point[k] - self.high[k])), weights)
     }
 
     /// The squared distance between these bounds and others.
     #[inline]
     pub fn squared_gap_between(&self, other: &Bounds, weights: &[f64; 3]) -> f64 {
-        squared((0..3).map(|k| (self.low[k] - other.high[k]).max(other.low[k] - self.high[k])), weights)
+        squared(std::array::from_fn(|k| larger(self.low[k] - other.high[k], other.low[k] - self.high[k])), weights)
     }
 
     /// Whether no point inside, which are all at least as far away from `point` as `squared_gap`, is within reach.
@@ -170,18 +170,63 @@ impl Bounds {
     }
 }
 
+/// One instruction, which [`f64::max`] is not.
 #[inline]
-fn squared(gaps: impl Iterator<Item = f64>, weights: &[f64; 3]) -> f64 {
-    gaps.zip(weights).map(|(gap, weight)| gap.max(0.0) * weight).map(|gap| gap * gap).sum()
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn squared(gaps: [f64; 3], weights: &[f64; 3]) -> f64 {
+    let d: [f64; 3] = std::array::from_fn(|k| larger(gaps[k], 0.0) * weights[k]);
+    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }
 
 /// The squared distances from `point` to the points of a block; NaN where there is none.
 #[inline]
 pub(super) fn squared_distances(point: &[f64; 3], block: &Block, weights: &[f64; 3]) -> [f64; BLOCK] {
-    std::array::from_fn(|i| {
-        let d: [f64; 3] = std::array::from_fn(|k| (block[k][i] - point[k]) * weights[k]);
-        d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-    })
+    let mut squared = [0.0; BLOCK];
+    for k in 0..3 {
+        for i in 0..BLOCK {
+            let d = (block[k][i] - point[k]) * weights[k];
+            squared[i] += d * d;
+        }
+    }
+    squared
+}
+
+/// One bit for each of the squared distances that is no larger than `limit`.
+#[inline]
+pub(super) fn up_to(limit: f64, squared: &[f64; BLOCK]) -> Bits {
+    let mut bits = 0;
+    for i in 0..BLOCK {
+        bits |= u32::from(squared[i] <= limit) << i;
+    }
+    Bits(bits)
+}
+
+/// Some points of a block, as an iterator of their numbers in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Bits(pub u32);
+
+impl std::ops::BitAnd for Bits {
+    type Output = Bits;
+
+    #[inline]
+    fn bitand(self, other: Bits) -> Bits {
+        Bits(self.0 & other.0)
+    }
+}
+
+impl Iterator for Bits {
+    type Item = usize;
+
+    #[inline]
+    fn next(&mut self) -> Option<usize> {
+        let lowest = self.0.trailing_zeros();
+        self.0 &= self.0.wrapping_sub(1);
+        (lowest < u32::BITS).then_some(lowest as usize)
+    }
 }
 
 /// Sorts the numbers of `points` by cell, and the points of each crowded cell by cells of its own.

@@ -6,14 +6,20 @@
 //! * bounds no larger than the distance are one set without a test, so dense clouds cost no more than sparse ones;
 //! * blocks whose points are all in one and the same set already need none.
 
-use super::cells::{Cells, squared_distances};
+use super::cells::{BLOCK, Bits, Cells, squared_distances, up_to};
 use crate::lattice::Within;
 use crate::union_find::UnionFind;
 
 /// The sets of points, by their places in the order of `cells`, that are connected by pairs within the distance.
 pub(super) fn components(cells: &Cells, within: &Within) -> UnionFind {
     let uniform = cells.pyramid.iter().map(|level| vec![false; level.len()]).collect();
-    let mut components = Components { cells, within, sets: UnionFind::new(cells.order.len()), uniform };
+    let mut components = Components {
+        cells,
+        within,
+        sets: UnionFind::new(cells.order.len()),
+        uniform,
+        main: vec![Bits(0); cells.blocks.len()],
+    };
     if !cells.order.is_empty() {
         components.join_inside(cells.pyramid.len() - 1, 0);
     }
@@ -26,6 +32,8 @@ struct Components<'a> {
     sets: UnionFind,
     /// Whether all points below are known to be one set; by level, as the pyramid.
     uniform: Vec<Vec<bool>>,
+    /// The largest set of each block, as far as is known.
+    main: Vec<Bits>,
 }
 
 impl Components<'_> {
@@ -62,6 +70,9 @@ impl Components<'_> {
             let end = ((index + 1) * width).min(self.uniform[below].len());
             self.uniform[below][index * width..end].fill(true);
         }
+        for block in index << level..((index + 1) << level).min(self.main.len()) {
+            self.main[block] = self.all_of(block);
+        }
     }
 
     fn are_one(&mut self, level: usize, a: usize, b: usize) -> bool {
@@ -81,7 +92,7 @@ impl Components<'_> {
             return;
         }
         if level == 0 {
-            self.join_blocks(a, b, are_uniform);
+            self.join_blocks(a, b);
             return;
         }
         for child in self.cells.children(level, a) {
@@ -91,52 +102,95 @@ impl Components<'_> {
         }
     }
 
-    /// Joins the pairs of one block.
+    /// Joins the pairs of one block, going from each point to those not reached so far.
     fn join_block(&mut self, block: usize) {
-        let places = self.cells.places(0, block);
-        for place in places.clone() {
-            self.join_to_block(place, block, false);
-            if self.are_all_one(block) {
-                self.uniform[0][block] = true;
-                return;
+        let first = (block * BLOCK) as u32;
+        let mut unreached = self.all_of(block);
+        while let Some(start) = unreached.next() {
+            let mut set = Bits(1 << start);
+            let mut reached = set;
+            while let Some(i) = reached.next().filter(|_| unreached.0 != 0) {
+                let near = self.near(first + i as u32, block) & unreached;
+                near.for_each(|other| self.sets.union(first + i as u32, first + other as u32));
+                unreached.0 &= !near.0;
+                reached.0 |= near.0;
+                set.0 |= near.0;
             }
+            if set.0.count_ones() > self.main[block].0.count_ones() {
+                self.main[block] = set;
+            }
+        }
+        self.uniform[0][block] = self.main[block] == self.all_of(block);
+    }
+
+    /// Joins the pairs of two blocks. Their main sets are joined once, all other points one by one.
+    fn join_blocks(&mut self, a: usize, b: usize) {
+        let [others_of_a, others_of_b] = [a, b].map(|block| self.others(block));
+        if others_of_a.0.count_ones() + others_of_b.0.count_ones() >= self.all_of(a).0.count_ones() {
+            for i in self.all_of(a) {
+                self.join_to(a, i, b, self.all_of(b));
+            }
+            return;
+        }
+        let [main_of_a, main_of_b] = [a, b].map(|block| self.main_place(block));
+        if !self.sets.same(main_of_a, main_of_b) {
+            let (mut of_a, of_b) = (self.main[a], self.main[b]);
+            of_a.any(|i| self.join_to(a, i, b, of_b));
+        }
+        for i in others_of_a {
+            self.join_to(a, i, b, self.all_of(b));
+        }
+        for i in others_of_b {
+            self.join_to(b, i, a, self.main[a]);
         }
     }
 
-    fn are_all_one(&mut self, block: usize) -> bool {
-        let places = self.cells.places(0, block);
-        places.clone().all(|place| self.sets.same(places.start, place))
+    /// Joins point `i` of `block` with those of `among` in another block; whether there was one.
+    fn join_to(&mut self, block: usize, i: usize, other: usize, among: Bits) -> bool {
+        let place = (block * BLOCK + i) as u32;
+        let (bounds, point) = (&self.cells.pyramid[0][other], self.cells.point(place));
+        if bounds.are_beyond(bounds.squared_gap(&point, &self.within.weights()), &point, self.within) {
+            return false;
+        }
+        let near = self.near(place, other) & among;
+        // One of the main set will do.
+        let main = near & self.main[other];
+        let once = Bits(main.0 & main.0.wrapping_neg() | near.0 & !main.0);
+        once.for_each(|i| self.sets.union(place, (other * BLOCK + i) as u32));
+        near.0 != 0
     }
 
-    /// Joins the pairs of two blocks; of uniform ones, the first.
-    fn join_blocks(&mut self, a: usize, b: usize, are_uniform: bool) {
-        let bounds = &self.cells.pyramid[0][b];
-        for place in self.cells.places(0, a) {
-            let point = self.cells.point(place);
-            let gap = bounds.squared_gap(&point, &self.within.weights());
-            if !bounds.are_beyond(gap, &point, self.within) && self.join_to_block(place, b, are_uniform) && are_uniform
-            {
-                return;
-            }
-        }
+    fn all_of(&self, block: usize) -> Bits {
+        Bits(u32::MAX >> (u32::BITS as usize - self.cells.places(0, block).len()))
     }
 
-    /// Joins a point with those of a block that are within the distance, or the first of them; whether there was one.
-    fn join_to_block(&mut self, place: u32, block: usize, only_first: bool) -> bool {
-        let cells = self.cells;
-        let point = cells.point(place);
-        let squared = squared_distances(&point, &cells.blocks[block], &self.within.weights());
-        let mut found = false;
-        for other in cells.places(0, block) {
-            let i = other as usize % squared.len();
-            if self.within.pair_if(squared[i], || (point, cells.point(other))) {
-                self.sets.union(place, other);
-                found = true;
-                if only_first {
-                    break;
-                }
+    fn main_place(&self, block: usize) -> u32 {
+        (block * BLOCK) as u32 + self.main[block].0.trailing_zeros()
+    }
+
+    /// The points of a block that are not in its main set, as far as is known by now.
+    fn others(&mut self, block: usize) -> Bits {
+        let main = self.main_place(block);
+        for i in Bits(self.all_of(block).0 & !self.main[block].0) {
+            if self.sets.same(main, (block * BLOCK + i) as u32) {
+                self.main[block].0 |= 1 << i;
             }
         }
-        found
+        Bits(self.all_of(block).0 & !self.main[block].0)
+    }
+
+    /// The points of a block that are within the distance of that at `place`.
+    #[inline]
+    fn near(&self, place: u32, block: usize) -> Bits {
+        let point = self.cells.point(place);
+        let squared = squared_distances(&point, &self.cells.blocks[block], &self.within.weights());
+        let mut near = up_to(self.within.limit(), &squared);
+        for i in near {
+            let other = || self.cells.point((block * BLOCK + i) as u32);
+            if !self.within.pair_if(squared[i], || (point, other())) {
+                near.0 &= !(1 << i);
+            }
+        }
+        near
     }
 }

@@ -6,7 +6,7 @@
 
 use std::cmp::Ordering;
 
-use super::cells::{BLOCK, Cells, squared_distances};
+use super::cells::{BLOCK, Cells, squared_distances, up_to};
 use super::components::components;
 use super::nearest::Nearest;
 use super::search::Search;
@@ -141,8 +141,8 @@ impl<'a> Grid<'a> {
         let point = cells.point(place);
         cells.visit_near(place as usize / BLOCK, onward, &point, within, &mut |block| {
             let squared = squared_distances(&point, &cells.blocks[block], &within.weights());
-            for other in cells.places(0, block) {
-                let squared = squared[other as usize % BLOCK];
+            for i in up_to(within.limit(), &squared) {
+                let (other, squared) = ((block * BLOCK + i) as u32, squared[i]);
                 if within.pair_if(squared, || (point, cells.point(other)))
                     && self.rise.is_none_or(|rise| rise.pair(point[2], cells.point(other)[2]))
                     && (other > place || !onward)

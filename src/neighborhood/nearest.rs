@@ -4,7 +4,7 @@
 //! Friedman, Bentley and Finkel 1977). Bounds at exactly the greatest distance so far are turned away by the smallest
 //! id inside, so that thousands of points at one place cost no more than others.
 
-use super::cells::{BLOCK, Bounds, Cells, squared_distances};
+use super::cells::{BLOCK, Bounds, Cells, squared_distances, up_to};
 use super::grid::Neighbor;
 use crate::lattice::Within;
 
@@ -93,15 +93,12 @@ impl<'a> Nearest<'a> {
     fn look_at(&mut self, block: usize) {
         let cells = self.cells;
         let squared = squared_distances(&self.point, &cells.blocks[block], &self.within.weights());
-        for place in cells.places(0, block) {
-            let squared = squared[place as usize % BLOCK];
-            if squared > self.worst.0 || place == self.place {
-                continue;
-            }
+        let limit = if self.worst.0 < self.within.limit() { self.worst.0 } else { self.within.limit() };
+        for i in up_to(limit, &squared) {
+            let (place, squared) = ((block * BLOCK + i) as u32, squared[i]);
             let neighbor = Neighbor { point: cells.order[place as usize], squared };
-            if key(&neighbor, self.point_ids) < self.worst
-                && self.within.pair_if(squared, || (self.point, cells.point(place)))
-            {
+            let is_wanted = squared < self.worst.0 || key(&neighbor, self.point_ids) < self.worst;
+            if is_wanted && place != self.place && self.within.pair_if(squared, || (self.point, cells.point(place))) {
                 self.found.push(neighbor);
             }
         }

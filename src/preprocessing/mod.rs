@@ -3,8 +3,22 @@
 //! A [`Stage`] takes the points of a window and hands on fewer. Nothing is lost: every point knows which one stands for
 //! it, and gets that one's label; a removed point gets none.
 
+mod measure;
+mod moments;
+mod neighbor_distance;
+mod radius_outliers;
+mod statistical_outliers;
+mod voxel_grid;
+
+use std::sync::Arc;
+
 use crate::error::Result;
 use crate::window::Window;
+pub use measure::measure;
+pub use moments::{Moments, Statistics};
+pub use radius_outliers::RadiusOutlierRemoval;
+pub use statistical_outliers::{Dialect, GlobalOutlierRemoval, RunningOutlierRemoval, StatisticalOutlierRemoval};
+pub use voxel_grid::{Representative, VoxelGrid};
 
 /// One step of preprocessing.
 pub trait Stage: Send + Sync {
@@ -40,3 +54,43 @@ pub struct Preprocessed {
     /// does not hold all that decides about it.
     pub successors: Vec<Option<u32>>,
 }
+
+/// Applies `stages` one after the other.
+///
+/// # Errors
+/// If a stage cannot work on the window.
+pub fn apply_all(stages: &[Arc<dyn Stage>], window: &Window) -> Result<Preprocessed> {
+    let Some((first, others)) = stages.split_first() else {
+        let successors = (0..window.points().len() as u32).map(Some).collect();
+        return Ok(Preprocessed { window: window.clone(), successors });
+    };
+    let Preprocessed { mut window, mut successors } = first.apply(window)?;
+    for stage in others {
+        let next = stage.apply(&window)?;
+        for successor in &mut successors {
+            *successor = successor.and_then(|of| next.successors[of as usize]);
+        }
+        window = next.window;
+    }
+    Ok(Preprocessed { window, successors })
+}
+
+/// How far around a point `stages` together depend on what is there.
+pub fn total_halo(stages: &[Arc<dyn Stage>]) -> f64 {
+    stages.iter().map(|stage| stage.halo()).sum()
+}
+
+/// The points of `window` that were decided to stay.
+fn keep_where(window: &Window, stays: impl Iterator<Item = Option<bool>>, halo: f64) -> Preprocessed {
+    let kept: Vec<u32> = (0..).zip(stays).filter(|(_, stays)| *stays == Some(true)).map(|(point, _)| point).collect();
+    let mut successors = vec![None; window.points().len()];
+    for (&point, successor) in kept.iter().zip(0..) {
+        successors[point as usize] = Some(successor);
+    }
+    let mut window = window.restricted(&kept);
+    window.shrink(halo);
+    Preprocessed { window, successors }
+}
+
+#[cfg(test)]
+mod tests;

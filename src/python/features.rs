@@ -43,7 +43,7 @@ pub(super) fn _features<'py>(
     Ok(features.columns.into_iter().map(|column| column.into_pyarray(py)).collect())
 }
 
-fn feature(name: &str) -> PyResult<Feature> {
+pub(super) fn feature(name: &str) -> PyResult<Feature> {
     Feature::by_name(name).ok_or_else(|| {
         let known: Vec<&str> = Feature::ALL.iter().map(|feature| feature.name()).collect();
         InvalidParameter::new_err(format!("feature is '{name}', allowed: {}", known.join(", ")))

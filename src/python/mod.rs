@@ -7,12 +7,14 @@ mod arrays;
 mod errors;
 mod features;
 mod history;
+mod preprocessing;
 mod scenes;
 mod searches;
 mod segmentors;
 mod selection;
 mod spans;
 mod stream;
+mod survey;
 
 use pyo3::prelude::*;
 
@@ -29,10 +31,11 @@ mod _core {
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]
+    use super::preprocessing::{_halo_of, _measure, PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid};
     #[pymodule_export]
     use super::scenes::PyScene;
     #[pymodule_export]
-    use super::segmentors::{PyConditionalClustering, PyPlaneExtraction, PyProximity, PyRegionGrowing};
+    use super::segmentors::{PyConditionalClustering, PyDbscan, PyPlaneExtraction, PyProximity, PyRegionGrowing};
     #[pymodule_export]
     use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
     #[pymodule_export]
@@ -41,4 +44,6 @@ mod _core {
     use super::spans::{PySpanByCount, PySpanByScanLine, PySpanByTime, PySpanByWidth, PyWindowSize};
     #[pymodule_export]
     use super::stream::{PyPipeline, PySettled, PySettlement, PySpan};
+    #[pymodule_export]
+    use super::survey::{PyFeatureSurvey, PyFeatures, PyThinnedSpan, PyThinning};
 }

@@ -4,15 +4,17 @@
 //! Adding one is one file here and one line in this list.
 
 mod conditional_clustering;
+mod dbscan;
 mod exactness;
 mod plane_extraction;
 mod proximity;
 mod region_growing;
 
 pub use conditional_clustering::ConditionalClustering;
+pub use dbscan::Dbscan;
 pub use exactness::{Assessment, Exactness, Layout};
 pub use plane_extraction::{Coplanarity, PlaneExtraction};
-pub use proximity::Proximity;
+pub use proximity::{Graph, Proximity};
 pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
 use std::ops::Range;

@@ -1,4 +1,4 @@
-//! Proximity segmentation: components of the Delaunay edges that are no longer than a distance.
+//! Proximity segmentation: components of the Delaunay edges, or of all pairs, that are no longer than a distance.
 //!
 //! Source: the demonstration segmentor of the moving-window framework (ISPRS Annals I-3, 2012, section 3.2).
 //! 1. Triangulate the window on the map ([`Delaunay`]).
@@ -11,6 +11,9 @@
 //! With the xy metric the result is that of the 2-D radius graph, because the Euclidean minimum spanning tree is part of
 //! every Delaunay triangulation; so any window that holds a pair decides it rightly. With lengths in space on the
 //! triangulation of the map it is a segmentation of its own, which splits more: roofs from ground.
+//!
+//! The radius graph joins all pairs within the distance (Euclidean clustering: Rusu 2009). It needs no triangulation, and
+//! any window that holds a pair decides it rightly under either metric.
 
 use std::ops::Range;
 
@@ -18,25 +21,47 @@ use super::{Exactness, Segmented, Segmentor};
 use crate::error::{Result, positive};
 use crate::label::Labels;
 use crate::lattice::{Metric, Within};
-use crate::neighborhood::{Delaunay, Loaded};
+use crate::neighborhood::{Delaunay, Grid, Loaded, Search};
 use crate::span::Extent;
 use crate::union_find::UnionFind;
 use crate::window::Window;
 
-/// Components of the pruned Delaunay graph.
+/// Which pairs of points are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Graph {
+    /// Neighbors in the Delaunay triangulation of the map.
+    #[default]
+    Delaunay,
+    /// All pairs.
+    Radius,
+}
+
+/// Components of the pairs within a distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proximity {
     distance: f64,
+    graph: Graph,
     metric: Metric,
 }
 
 impl Proximity {
-    /// Joins neighbors that are within `distance`, in units of the coordinates.
+    /// Joins Delaunay neighbors that are within `distance`, in units of the coordinates.
     ///
     /// # Errors
     /// If the distance is not a finite number above 0.
     pub fn new(distance: f64, metric: Metric) -> Result<Self> {
-        Ok(Self { distance: positive("distance", distance)?, metric })
+        Ok(Self { distance: positive("distance", distance)?, graph: Graph::default(), metric })
+    }
+
+    /// The same over the pairs of `graph`.
+    #[must_use]
+    pub fn with_graph(self, graph: Graph) -> Self {
+        Self { graph, ..self }
+    }
+
+    /// Which pairs are looked at.
+    pub fn graph(&self) -> Graph {
+        self.graph
     }
 
     /// The greatest length of a kept edge.
@@ -56,13 +81,34 @@ impl Segmentor for Proximity {
     }
 
     fn exactness(&self) -> Exactness {
-        match self.metric {
-            Metric::Xy => Exactness::ByLocality { reach: self.distance },
-            Metric::Xyz => Exactness::Proven { reach: self.distance },
+        match (self.graph, self.metric) {
+            (Graph::Delaunay, Metric::Xyz) => Exactness::Proven { reach: self.distance },
+            (Graph::Radius, _) | (_, Metric::Xy) => Exactness::ByLocality { reach: self.distance },
         }
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
+        let labels = match self.graph {
+            Graph::Delaunay => self.segment_triangulation(window),
+            Graph::Radius => self.segment_pairs(window),
+        };
+        Ok(labels.into())
+    }
+}
+
+impl Proximity {
+    fn segment_pairs(&self, window: &Window) -> Labels {
+        let (points, point_ids) = (window.points(), window.point_ids());
+        let search = match self.metric {
+            Metric::Xyz => Search::Ball { radius: self.distance },
+            Metric::Xy => Search::Disc { radius: self.distance },
+        };
+        let mut sets = UnionFind::new(points.len());
+        Grid::new(points, point_ids, window.lattice(), search).join_neighbors(&mut sets);
+        Labels::from_representatives(sets.into_representatives().into_iter(), points.len())
+    }
+
+    fn segment_triangulation(&self, window: &Window) -> Labels {
         let points = window.points();
         let horizontal: Vec<[f64; 2]> = points.iter().map(|point| window.lattice().horizontal(point)).collect();
         let neighbors = Delaunay::new(&horizontal, |i| points[i as usize][2]);
@@ -85,7 +131,7 @@ impl Segmentor for Proximity {
                 joined.join_neighbors(a, b);
             }
         });
-        Ok(labels(&joined.sets.into_representatives(), neighbors.order()).into())
+        labels(&joined.sets.into_representatives(), neighbors.order())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Slabs along a direction, numbered from absolute zero.
 
 use crate::error::{Error, Result};
-use crate::lattice::{Lattice, is_valid};
+use crate::lattice::{Lattice, is_valid, whole_steps};
 
 /// The direction along which slabs follow each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,11 +52,24 @@ impl Extent {
         if let Some(step) = self.step {
             let radius = whole_steps(radius, step).unwrap_or(radius / step);
             let steps = |length: f64| (length / step).round();
-            return steps(along - self.low) >= radius
-                && (self.high == f64::INFINITY || steps(self.high - along) > radius);
+            return steps(along - self.low) >= radius && self.holds_above(steps(self.high - along), radius);
         }
         let off = self.rounding(point, lattice) + radius * RADIUS_SLACK;
-        along - self.low >= radius + off && (self.high == f64::INFINITY || self.high - along > radius + off)
+        along - self.low >= radius + off && self.holds_above(self.high - along, radius + off)
+    }
+
+    /// Beyond a border there may be points; where there is none, not even an infinite radius is too large.
+    fn holds_above(&self, way: f64, radius: f64) -> bool {
+        self.high == f64::INFINITY || way > radius
+    }
+
+    /// How far `point` is from the nearest border, in units of the coordinates and whatever the rounding: 0 if it lies
+    /// beyond, ∞ if there is no border.
+    pub(crate) fn distance_to_border(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
+        let place = lattice.horizontal(point);
+        let along = self.direction[0] * place[0] + self.direction[1] * place[1];
+        let way = (along - self.low).min(self.high - along) - self.rounding(point, lattice);
+        (way * lattice.horizontal_unit()).max(0.0)
     }
 
     /// The part whose points have everything within `margin` (in units of the coordinates) inside.
@@ -98,17 +111,6 @@ pub(crate) struct SlabIndex {
 
 /// Slab numbers beyond this would not be exact.
 const MOST_SLABS: f64 = 9e15;
-
-/// A quotient this near to a whole number was meant to be one: 50 / 0.01 is 5000.
-const MEANT_WHOLE: f64 = 1e-9;
-
-fn whole_steps(length: f64, step: f64) -> Option<f64> {
-    let steps = length / step;
-    let whole = steps.round();
-    // Half a unit in the last place of a large quotient is not a fraction that was meant.
-    let rounding = (steps.abs() * f64::EPSILON).min(0.01);
-    ((steps - whole).abs() <= MEANT_WHOLE.max(rounding)).then_some(whole)
-}
 
 impl SlabIndex {
     pub(crate) fn new(width: f64, direction: Direction, lattice: &Lattice) -> Self {

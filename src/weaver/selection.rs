@@ -102,27 +102,27 @@ mod tests {
         log
     }
 
-    fn selected(limits: SizeLimits, sort: Sort) -> ([i64; 6], [u64; 3]) {
+    fn selected(limits: SizeLimits, sort: Sort) -> Result<([i64; 6], [u64; 3])> {
         let mut log = log();
-        let selection = Selection::new(&mut log, limits, sort).unwrap();
+        let selection = Selection::new(&mut log, limits, sort)?;
         let mut ids = [1, 2, 3, 4, 5, NONE];
-        log.resolve(&mut ids, &selection).unwrap();
-        (ids, [selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()])
+        log.resolve(&mut ids, &selection)?;
+        Ok((ids, [selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()]))
     }
 
     #[test]
     fn what_is_outside_the_limits_or_has_no_seed_is_left_out() {
         let limits = |min, max| SizeLimits::new(min, max).unwrap();
-        assert_eq!(selected(limits(1, None), Sort::Native), ([1, 2, -1, 4, -1, -1], [3, 1, 9]));
-        assert_eq!(selected(limits(3, None), Sort::Native), ([1, -1, -1, 4, -1, -1], [2, 2, 11]));
-        assert_eq!(selected(limits(1, Some(4)), Sort::Native), ([-1, 2, -1, -1, -1, -1], [1, 3, 19]));
+        assert_eq!(selected(limits(1, None), Sort::Native).unwrap(), ([1, 2, -1, 4, -1, -1], [3, 1, 9]));
+        assert_eq!(selected(limits(3, None), Sort::Native).unwrap(), ([1, -1, -1, 4, -1, -1], [2, 2, 11]));
+        assert_eq!(selected(limits(1, Some(4)), Sort::Native).unwrap(), ([-1, 2, -1, -1, -1, -1], [1, 3, 19]));
     }
 
     #[test]
     fn kept_segments_are_numbered_by_size_then_id() {
         let all = SizeLimits::default();
-        assert_eq!(selected(all, Sort::Ascending).0, [2, 1, -1, 3, -1, -1]);
-        assert_eq!(selected(all, Sort::Descending).0, [1, 3, -1, 2, -1, -1]);
+        assert_eq!(selected(all, Sort::Ascending).unwrap().0, [2, 1, -1, 3, -1, -1]);
+        assert_eq!(selected(all, Sort::Descending).unwrap().0, [1, 3, -1, 2, -1, -1]);
     }
 
     #[test]

@@ -81,7 +81,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    fn whole(unit: f64, stretch: [i64; 3], offset: [f64; 3]) -> Self {
+    pub fn whole(unit: f64, stretch: [i64; 3], offset: [f64; 3]) -> Self {
         let scale = stretch.map(|s| s as f64 * unit);
         Self { lattice: Lattice::new(scale, offset).unwrap(), unit, stretch, offset }
     }

@@ -1,14 +1,14 @@
 """Features of points, neighborhood by neighborhood with NumPy's own decompositions.
 
 Neighbors are ordered as the core orders them, by distance in whole lattice steps and then by number; all else is done
-another way: planes by singular values of the offsets, quadrics by `lstsq` from the point itself, principal curvatures as
-eigenvalues of the shape operator.
+another way: planes by singular values of the offsets, quadrics by `lstsq` from the point itself, principal curvatures
+as eigenvalues of the shape operator.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,29 @@ from scipy.spatial import cKDTree
 Reals = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-# Relative to the largest: where eigenvalues are no farther apart, a normal is as good as another.
+# Relative to the largest: where the smaller eigenvalues are no farther apart, rounding turns the normal by more than
+# 1e-10, and, in a neighborhood so long and narrow, curvatures by more than 1e-9.
 APART = 1e-6
+WIDE = 1e-4
 
-PLANE = (
-    "NormalX NormalY NormalZ NormalSigma0 NormalEigenvalue1 NormalEigenvalue2 NormalEigenvalue3 Linearity Planarity "
-    "Sphericity Omnivariance Anisotropy Eigenentropy SurfaceVariation Verticality NeighborCount"
-).split()
+PLANE = [
+    "NormalX",
+    "NormalY",
+    "NormalZ",
+    "NormalSigma0",
+    "NormalEigenvalue1",
+    "NormalEigenvalue2",
+    "NormalEigenvalue3",
+    "Linearity",
+    "Planarity",
+    "Sphericity",
+    "Omnivariance",
+    "Anisotropy",
+    "Eigenentropy",
+    "SurfaceVariation",
+    "Verticality",
+    "NeighborCount",
+]
 CURVATURE = ["MeanCurvature", "GaussianCurvature", "MaxCurvature", "MinCurvature"]
 
 
@@ -35,11 +51,13 @@ class Twin(NamedTuple):
     """Largest standard deviation of the neighbors."""
     is_apart: bool
     """Whether the normal is determined."""
+    is_wide: bool
+    """Whether curvatures are determined as well as the normal."""
     pivot: float
     """How far the least independent term of a quadric is from the others; the core's limit is 1e-6."""
 
 
-def nearest(points: Reals, queries: Iterable[int], k: int, axes: int = 3) -> Iterator[Numbers]:
+def nearest(points: NDArray[Any], queries: Iterable[int], k: int, axes: int = 3) -> Iterator[Numbers]:
     """Yield the k nearest of each query, itself first, then by (distance, number)."""
     tree = cKDTree(points[:, :axes])
     for query in queries:
@@ -49,7 +67,12 @@ def nearest(points: Reals, queries: Iterable[int], k: int, axes: int = 3) -> Ite
 
 
 def around(
-    points: Reals, queries: Iterable[int], radius: float, axes: int = 3, low: float = -np.inf, high: float = np.inf
+    points: NDArray[Any],
+    queries: Iterable[int],
+    radius: float,
+    axes: int = 3,
+    low: float = -np.inf,
+    high: float = np.inf,
 ) -> Iterator[Numbers]:
     """Yield all points within a radius, and `low` to `high` above, in the order of `nearest`; all lengths in steps."""
     tree = cKDTree(points[:, :axes])
@@ -72,7 +95,7 @@ def features(offsets: Reals) -> Twin:
     values = dict.fromkeys([*PLANE, *CURVATURE], np.nan)
     values["NeighborCount"] = n
     if n < 3:
-        return Twin(values, 0.0, False, 0.0)
+        return Twin(values, 0.0, False, False, 0.0)
     mean = offsets.mean(axis=0)
     singular, axes = np.linalg.svd(offsets - mean, full_matrices=True)[1:]
     a, b, c = eigenvalues = singular**2 / n
@@ -89,7 +112,7 @@ def features(offsets: Reals) -> Twin:
             "Eigenentropy": -np.sum(share[share > 0] * np.log(share[share > 0])),
         }
     if b <= 1e-12 * a:
-        return Twin(values, a**0.5, False, 0.0)
+        return Twin(values, a**0.5, False, False, 0.0)
     normal = upward(axes[2])
     values |= zip(("NormalX", "NormalY", "NormalZ"), normal, strict=True)
     values["Verticality"] = 1 - abs(normal[2])
@@ -97,11 +120,12 @@ def features(offsets: Reals) -> Twin:
     pivot = independence((offsets - mean) @ axes[:2].T / np.sqrt(eigenvalues[:2])) if n >= 6 else 0.0
     if pivot > 1e-6:
         values |= zip(CURVATURE, curvatures(offsets, np.array([axes[0], axes[1], normal])), strict=True)
-    return Twin(values, a**0.5, bool(b - c > APART * a), pivot)
+    return Twin(values, a**0.5, bool(b - c > APART * a), bool(b - c > WIDE * a), pivot)
 
 
 def upward(normal: Reals) -> Reals:
-    """Turn a normal to z > 0, else y > 0, else x > 0."""
+    """Turn a normal to z > 0, else y > 0, else x > 0; what is below 1e-12 is 0."""
+    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
     leading = [c for c in normal[::-1] if c != 0]
     return normal * np.sign(leading[0])
 
@@ -115,8 +139,9 @@ def design(xy: Reals) -> Reals:
 def independence(xy: Reals) -> float:
     """Tell what the least independent term keeps of its sum of squares when the terms before it are taken out."""
     terms = design(xy)
-    triangle = np.linalg.qr(terms, mode="r")
-    return float(np.min(np.diag(triangle) ** 2 / (terms**2).sum(axis=0)))
+    whole = (terms**2).sum(axis=0)
+    kept = np.diag(np.linalg.qr(terms, mode="r")) ** 2
+    return float(np.min(kept / np.where(whole > 0, whole, np.inf)))
 
 
 def curvatures(offsets: Reals, axes: Reals) -> tuple[float, float, float, float]:

@@ -45,23 +45,39 @@ pub fn chunk(points: &[[f64; 3]]) -> Chunk {
 
 /// Cuts `points` into chunks of the given sizes, over and over.
 pub fn chunks_of(points: &[[f64; 3]], sizes: &[usize]) -> Vec<Chunk> {
+    chunks_with(points, &[], sizes)
+}
+
+/// The same with a column for each attribute.
+pub fn chunks_with(points: &[[f64; 3]], attributes: &[Vec<f64>], sizes: &[usize]) -> Vec<Chunk> {
     assert!(sizes.iter().any(|&size| size > 0));
     let mut chunks = Vec::new();
-    let mut rest = points;
+    let mut begin = 0;
     for &size in sizes.iter().cycle() {
-        if rest.is_empty() {
+        if begin == points.len() {
             break;
         }
-        let (taken, left) = rest.split_at(size.min(rest.len()));
-        chunks.push(chunk(taken));
-        rest = left;
+        let taken = begin..(begin + size).min(points.len());
+        begin = taken.end;
+        let attributes = attributes.iter().map(|column| column[taken.clone()].to_vec()).collect();
+        chunks.push(Chunk { points: points[taken].to_vec(), attributes });
     }
     chunks
 }
 
 /// The pipeline of a run over `points`.
 pub fn pipeline(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmentor>, run: &Run) -> Pipeline {
-    let chunks = chunks_of(points, &run.chunks).into_iter().map(Ok);
+    pipeline_with(points, &[], lattice, segmentor, run)
+}
+
+fn pipeline_with(
+    points: &[[f64; 3]],
+    attributes: &[Vec<f64>],
+    lattice: Lattice,
+    segmentor: Arc<dyn Segmentor>,
+    run: &Run,
+) -> Pipeline {
+    let chunks = chunks_with(points, attributes, &run.chunks).into_iter().map(Ok);
     let spans = spans_of(chunks, run.by, &lattice, run.source).unwrap();
     Pipeline::new(spans, lattice, segmentor, run.size, Crew::new(run.threads).unwrap())
 }
@@ -71,7 +87,18 @@ pub fn pipeline(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmen
 /// # Panics
 /// If a point does not come out exactly once, or anything fails.
 pub fn stream(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmentor>, run: &Run) -> Outcome {
-    let mut pipeline = pipeline(points, lattice, segmentor, run);
+    stream_with(points, &[], lattice, segmentor, run)
+}
+
+/// Streams `points` with a column for each attribute that the segmentor reads.
+pub fn stream_with(
+    points: &[[f64; 3]],
+    attributes: &[Vec<f64>],
+    lattice: Lattice,
+    segmentor: Arc<dyn Segmentor>,
+    run: &Run,
+) -> Outcome {
+    let mut pipeline = pipeline_with(points, attributes, lattice, segmentor, run);
     let outgoing: Vec<Outgoing> = pipeline.by_ref().map(Result::unwrap).collect();
     assert!(pipeline.next().is_none(), "an exhausted pipeline stays so");
     assert_eq!((pipeline.weaver().live_points(), pipeline.weaver().live_segments()), (0, 0));
@@ -98,9 +125,20 @@ pub fn stream(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmento
 
 /// The whole cloud as one window.
 pub fn static_labels(points: &[[f64; 3]], lattice: Lattice, segmentor: &dyn Segmentor) -> Vec<i64> {
-    let span =
-        Span { index: 0, point_ids: PointIds::From(0), points: points.to_vec(), attributes: vec![], extent: None };
-    let labels = segmentor.segment(&Window::new(0, vec![Arc::new(span)], lattice)).unwrap();
+    static_labels_with(points, &[], lattice, segmentor)
+}
+
+/// The whole cloud as one window, with a column for each attribute that the segmentor reads.
+pub fn static_labels_with(
+    points: &[[f64; 3]],
+    attributes: &[Vec<f64>],
+    lattice: Lattice,
+    segmentor: &dyn Segmentor,
+) -> Vec<i64> {
+    let (points, attributes) = (points.to_vec(), attributes.to_vec());
+    let span = Span { index: 0, point_ids: PointIds::From(0), points, attributes, extent: None };
+    let window = Window::with_halo(0, vec![Arc::new(span)], 0..1, lattice, &segmentor.reads());
+    let labels = segmentor.segment(&window).unwrap();
     labels.labels.of_points().iter().copied().map(i64::from).collect()
 }
 

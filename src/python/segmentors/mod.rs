@@ -2,6 +2,7 @@
 
 mod base;
 mod conditional_clustering;
+mod dbscan;
 mod foreign;
 mod plane_extraction;
 mod proximity;
@@ -13,6 +14,7 @@ use pyo3::prelude::*;
 
 pub use base::PySegmentor;
 pub use conditional_clustering::PyConditionalClustering;
+pub use dbscan::PyDbscan;
 pub use foreign::PyWindow;
 pub use plane_extraction::PyPlaneExtraction;
 pub use proximity::PyProximity;
@@ -37,13 +39,18 @@ pub struct PyRecipe {
 impl PyRecipe {
     /// `available` are the attributes of the cloud; if it `has_more`, any other may be there too.
     #[new]
-    #[pyo3(signature = (segmentor, available, has_more))]
-    fn new(segmentor: &Bound<'_, PyAny>, available: Vec<String>, has_more: bool) -> PyResult<Self> {
+    #[pyo3(signature = (segmentor, stages, available, has_more))]
+    fn new(
+        segmentor: &Bound<'_, PyAny>,
+        stages: &Bound<'_, PyAny>,
+        available: Vec<String>,
+        has_more: bool,
+    ) -> PyResult<Self> {
         let (core, options) = match segmentor.cast::<PySegmentor>() {
             Ok(built_in) => (Arc::clone(&built_in.get().core), built_in.get().options.clone()),
             Err(_) => (Arc::new(foreign::Foreign::new(segmentor)?) as Arc<dyn Segmentor>, Options::none()),
         };
-        let segmentor = prepared(core, options, Vec::new(), &available, has_more)?;
+        let segmentor = prepared(core, options, super::preprocessing::stages(stages)?, &available, has_more)?;
         let reads = segmentor.reads();
         Ok(Self { segmentor, reads })
     }

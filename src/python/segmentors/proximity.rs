@@ -6,12 +6,13 @@ use pyo3::types::PyDict;
 use super::base::{PySegmentor, arguments, value};
 use crate::lattice::Metric;
 use crate::python::errors::InvalidParameter;
-use crate::segmentor::Proximity;
+use crate::segmentor::{Graph, Proximity};
 
 /// Joins neighbors that are within a distance: on the map's Delaunay triangulation, or all there are.
 ///
 /// Source: the demonstration of moving-window segmentation, ISPRS Annals I-3 (2012), section 3.2. Points with equal x
-/// and y are all kept: they are neighbors of each other and of the neighbors of their place.
+/// and y are all kept: they are neighbors of each other and of the neighbors of their place. The radius graph is
+/// Euclidean clustering: Rusu, Semantic 3D Object Maps (2009).
 ///
 /// Parameters
 /// ----------
@@ -66,10 +67,12 @@ impl PyProximity {
         metric: &str,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        if graph != "delaunay" {
-            return Err(InvalidParameter::new_err(format!("graph is '{graph}', allowed: 'delaunay'")));
-        }
-        let core = Proximity::new(distance, metric_of(metric)?)?;
+        let pairs = match graph {
+            "delaunay" => Graph::Delaunay,
+            "radius" => Graph::Radius,
+            _ => return Err(InvalidParameter::new_err(format!("graph is '{graph}', allowed: 'delaunay' or 'radius'"))),
+        };
+        let core = Proximity::new(distance, metric_of(metric)?)?.with_graph(pairs);
         let given = [("distance", value(py, distance)?), ("graph", value(py, graph)?), ("metric", value(py, metric)?)];
         let base = PySegmentor::new(core, "Proximity", arguments(py, given)?, options, 1)?;
         let own = Self { distance, graph: graph.into(), metric: metric.into() };

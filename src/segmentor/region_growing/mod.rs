@@ -175,7 +175,7 @@ impl Segmentor for RegionGrowing {
 /// The neighbors of each point: looked up where they have been kept, or else searched for.
 enum Neighbors<'a> {
     Kept(&'a Neighborhoods),
-    Searched { grid: Grid<'a>, found: Vec<Neighbor>, points: Vec<u32> },
+    Searched { grid: Box<Grid<'a>>, found: Vec<Neighbor>, points: Vec<u32> },
 }
 
 impl<'a> Neighbors<'a> {
@@ -184,7 +184,7 @@ impl<'a> Neighbors<'a> {
             Some(kept) if kept.search() == search => Neighbors::Kept(kept),
             _ => {
                 let grid = Grid::new(window.points(), window.point_ids(), window.lattice(), search);
-                Neighbors::Searched { grid, found: Vec::new(), points: Vec::new() }
+                Neighbors::Searched { grid: Box::new(grid), found: Vec::new(), points: Vec::new() }
             }
         }
     }

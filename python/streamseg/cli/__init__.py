@@ -1,0 +1,5 @@
+"""The command line: segment, resolve, info, preview, export, demo."""
+
+from .commands import app, main
+
+__all__ = ["app", "main"]

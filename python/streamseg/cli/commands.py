@@ -1,0 +1,154 @@
+"""The command line: segment, resolve, info, preview, export, demo."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import sys
+import warnings
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, NoReturn, TextIO
+
+import typer
+
+from .. import __version__, description
+from ..errors import StreamsegError, StreamsegWarning
+from ..files import resolve_file
+from ..history import History
+from ..preview import preview as draw_preview
+from ..progress import ProgressBars
+from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
+from .segment import segment
+
+app = typer.Typer(
+    name="streamseg",
+    help="Segment point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+app.command()(segment)
+
+
+class Shade(str, Enum):
+    """How the preview is shaded."""
+
+    segment = "segment"
+    height = "height"
+
+
+@app.command()
+def resolve(
+    history: Annotated[Path, typer.Argument(metavar="HISTORY", help="Folder of the history of a run over IN.")],
+    inputs: Inputs,
+    output: Output,
+    limits: Annotated[
+        bool, typer.Option("--limits/--no-limits", help="Leave out the segments that the run left out by their size.")
+    ] = True,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write IN to OUT with the final segment ids that HISTORY resolves to."""
+    with ProgressBars() as bars:
+        points = resolve_file(history, inputs, output, limits=limits, overwrite=overwrite, on_write=bars.on_write)
+    typer.echo(f"{output}: {points:,} points with final segment ids")
+    if not History(history).manifest["complete"]:
+        raise typer.Exit(WRONG)
+
+
+@app.command()
+def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A cloud, or the folder of a history.")]) -> None:
+    """Say what FILE holds, and how it could be segmented."""
+    for label, value in description.describe(file):
+        typer.echo(f"{label:<12} {value}")
+
+
+@app.command()
+def preview(
+    labelled: Annotated[Path, typer.Argument(metavar="LABELLED", help="A labelled LAS, LAZ or text file.")],
+    output: Annotated[Path, typer.Argument(metavar="OUT.png")],
+    shade: Annotated[
+        Shade, typer.Option(help="height: a second picture beside it, colored by height.")
+    ] = Shade.segment,
+    size: Annotated[int, typer.Option(help="Longest side of the drawing in pixels.")] = 1600,
+    overwrite: Overwrite = False,
+) -> None:
+    """Draw LABELLED from above, neighboring segments in different colors."""
+    drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite)
+    typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
+
+
+@app.command()
+def export(
+    history: Annotated[Path, typer.Argument(metavar="HISTORY", help="Folder of a history.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the CSV files.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Write the tables of HISTORY as CSV files into DIR."""
+    for path in History(history).to_csv(folder, overwrite=overwrite):
+        typer.echo(str(path))
+
+
+@app.command()
+def demo(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to leave what it makes.")] = Path("demo"),
+    points: Annotated[int, typer.Option(min=1000, help="Points of the scene.")] = 600_000,
+    seed: Annotated[int, typer.Option(min=0, help="Which scene.")] = 7,
+) -> None:
+    """Make a scene, segment it as a stream, and leave what there is to look at in DIR."""
+    from ..demo import run
+
+    for sentence in run(folder, points, seed):
+        typer.echo(sentence)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"streamseg {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Say the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    if issubclass(category, StreamsegWarning):
+        typer.echo(f"streamseg: warning: {message}", err=True)
+
+
+def _give_memory_back() -> None:
+    """Have the C library give large buffers back to the system when they are freed.
+
+    By default glibc learns from every freed buffer, up to 32 MiB, to keep such sizes, in every thread. What is kept
+    then depends on chance, and adds a third to the memory of a run.
+    """
+    mmap_threshold = -3  # glibc's M_MMAP_THRESHOLD
+    with contextlib.suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).mallopt(mmap_threshold, 1 << 20)
+
+
+def main() -> NoReturn:
+    """Run the command line; errors are one sentence each."""
+    _give_memory_back()
+    warnings.showwarning = _warn
+    try:
+        app()
+    except StreamsegError as error:
+        typer.echo(f"streamseg: {error}", err=True)
+        sys.exit(WRONG)
+    sys.exit(INTERNAL)

@@ -1,0 +1,259 @@
+"""The command that segments a cloud from file to file."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .._core import Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ..errors import InvalidParameter
+from ..files import Outcome, segment_file
+from ..preview import check_preview
+from ..preview import preview as draw_preview
+from ..progress import ProgressBars
+from ..run import SpanBy
+from . import methods
+from .arguments import INTERRUPTED, MOST, WRONG, Inputs, Output, Overwrite, say
+
+
+class Result(str, Enum):
+    """Which segment ids are written."""
+
+    final = "final"
+    carry = "carry"
+    history = "history"
+
+
+_METHOD = "What is one segment (--method)"
+_EVERY = "Options of every method"
+_BEFORE = "Before that"
+_SPANS = "How the cloud is cut"
+
+
+def _of(panel: str, text: str, **more: Any) -> Any:
+    return typer.Option(help=text, rich_help_panel=panel, **more)
+
+
+def segment(
+    inputs: Inputs,
+    output: Output,
+    method: Annotated[
+        str, _of(_METHOD, f"{', '.join(methods.METHODS)}, or one that an installed package announces.")
+    ] = "proximity",
+    distance: Annotated[
+        float | None, _of(_METHOD, "proximity: greatest distance of joined neighbors, in units of the cloud.")
+    ] = None,
+    graph: Annotated[str | None, _of(_METHOD, "proximity: which pairs are looked at, delaunay or radius.")] = None,
+    metric: Annotated[
+        str | None, _of(_METHOD, "proximity, dbscan: distance in space (xyz) or on the map (xy).")
+    ] = None,
+    eps: Annotated[float | None, _of(_METHOD, "dbscan: how far neighbors can be.")] = None,
+    min_points: Annotated[
+        int | None, _of(_METHOD, "dbscan: neighbors, itself included, that make a core point.", max=MOST)
+    ] = None,
+    criterion: Annotated[
+        str | None, _of(_METHOD, 'conditional: when neighbors belong together, such as "abs(Z-n[0].Z)<0.15".')
+    ] = None,
+    search_radius: Annotated[
+        str | None,
+        _of(_METHOD, "conditional, planes, growing: how far neighbors can be; for 2.5d also R,H or R,LOW,HIGH."),
+    ] = None,
+    search_mode: Annotated[str | None, _of(_METHOD, "conditional, planes: 3d, 2.5d or 2d.")] = None,
+    max_distance: Annotated[float | None, _of(_METHOD, "planes: greatest distance of a point from its plane.")] = None,
+    max_sigma: Annotated[float | None, _of(_METHOD, "planes: an adjustment with more than this is not taken.")] = None,
+    seed_calculator: Annotated[
+        str | None, _of(_METHOD, 'planes: order of the seeds, such as "NormalSigma0<0.02 ? NormalSigma0 : invalid".')
+    ] = None,
+    k: Annotated[
+        int | None, _of(_METHOD, "growing: neighbors are the k nearest, the point itself included.", max=MOST)
+    ] = None,
+    angle: Annotated[float | None, _of(_METHOD, "planes, growing: angle between normals, in degrees.")] = None,
+    curvature: Annotated[str | None, _of(_METHOD, "growing: surface_variation or principal.")] = None,
+    max_curvature: Annotated[
+        float | None, _of(_METHOD, "growing: regions do not grow on from points beyond it.")
+    ] = None,
+    residual: Annotated[float | None, _of(_METHOD, "growing: greatest distance from the tangent plane.")] = None,
+    literal: Annotated[
+        bool | None, typer.Option("--literal", help="growing: PCL's loop.", rich_help_panel=_METHOD)
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Parameters of a plug-in.", rich_help_panel=_METHOD),
+    ] = None,
+    min_size: Annotated[
+        int | None, _of(_EVERY, "Segments with fewer points come out as -1. [default: 1; conditional, planes: 100]")
+    ] = None,
+    max_size: Annotated[int | None, _of(_EVERY, "Segments with more points come out as -1.")] = None,
+    filter: Annotated[  # noqa: A002 - the name that OPALS users know
+        str | None, _of(_EVERY, 'Which points take part, such as "Classification == 6".')
+    ] = None,
+    seed_filter: Annotated[str | None, _of(_EVERY, "Which points may be the first of a segment.")] = None,
+    sort: Annotated[str | None, _of(_EVERY, "Number segments by size: native, ascending or descending.")] = None,
+    normals: Annotated[str | None, _of(_EVERY, "How planes are fitted for features: least_squares or robust.")] = None,
+    outliers: Annotated[
+        str | None, _of(_BEFORE, "Remove statistical outliers: K or K,MULTIPLIER or K,MULTIPLIER,DIALECT.")
+    ] = None,
+    lonely: Annotated[str | None, _of(_BEFORE, "Remove points with few others around: RADIUS,NEIGHBORS.")] = None,
+    voxel: Annotated[float | None, _of(_BEFORE, "Segment the centers of voxels of this size instead.")] = None,
+    span_width: Annotated[
+        float | None, _of(_SPANS, "Spans of this width. [default: 20 x how far neighbors can be]")
+    ] = None,
+    direction: Annotated[str, _of(_SPANS, "x, y or an azimuth in degrees, for --span-width.")] = "x",
+    span_count: Annotated[int | None, _of(_SPANS, "Spans of so many points, in file order.", max=MOST)] = None,
+    span_time: Annotated[float | None, _of(_SPANS, "Spans of so many seconds of gps_time.")] = None,
+    span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
+    spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
+    overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
+    result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
+    history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
+    threads: Annotated[int | None, typer.Option(max=MOST, help="Windows at a time. [default: all cores]")] = None,
+    preview: Annotated[Path | None, typer.Option(help="Also draw the result, as PNG.")] = None,
+    drop_invalid: Annotated[
+        bool, typer.Option("--drop-invalid", help="Give NaN and infinite points no segment instead of refusing them.")
+    ] = False,
+    overwrite: Overwrite = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
+) -> None:
+    """Segment IN and write every point with its segment id to OUT."""
+    given = {
+        "--distance": distance,
+        "--graph": graph,
+        "--metric": metric,
+        "--eps": eps,
+        "--min-points": min_points,
+        "--criterion": criterion,
+        "--search-radius": methods.lengths("--search-radius", search_radius),
+        "--search-mode": search_mode,
+        "--max-distance": max_distance,
+        "--max-sigma": max_sigma,
+        "--seed-calculator": seed_calculator,
+        "--k": k,
+        "--angle": angle,
+        "--curvature": curvature,
+        "--max-curvature": max_curvature,
+        "--residual": residual,
+        "--literal": literal,
+        "--min-size": min_size,
+        "--max-size": max_size,
+        "--filter": filter,
+        "--seed-filter": seed_filter,
+        "--sort": sort,
+        "--normals": normals,
+    }
+    segmentor = methods.segmentor(method, given, settings or ())
+    if preview is not None:
+        check_preview(preview, overwrite, [*inputs, output])
+        if output.suffix.lower() == ".npy":
+            raise InvalidParameter(
+                f"--preview needs coordinates beside the ids, {output} has none; write LAS, LAZ or text"
+            )
+    with _telling_what_is_left(output), ProgressBars(enabled=not quiet) as bars:
+        outcome = segment_file(
+            inputs,
+            output,
+            segmentor,
+            preprocess=methods.stages(outliers, lonely, voxel),
+            spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
+            window=Window(spans, overlap),
+            history=history,
+            result=result.value,
+            threads=threads,
+            drop_invalid=drop_invalid,
+            overwrite=overwrite,
+            on_read=bars.on_read,
+            on_progress=bars.on_progress,
+            on_write=bars.on_write,
+            on_open=bars.on_open,
+        )
+    if not quiet:
+        _summarize(outcome, segmentor, output, history, result)
+    if preview is not None:
+        draw_preview(output, preview, overwrite=overwrite)
+        say(f"picture in {preview}", quiet)
+    if outcome.damage is not None:
+        raise typer.Exit(WRONG)
+
+
+@contextlib.contextmanager
+def _telling_what_is_left(output: Path) -> Iterator[None]:
+    """On a failure, say whether the points before it are in the output."""
+    before = _written_at(output)
+    try:
+        yield
+    except (Exception, KeyboardInterrupt) as failure:
+        kept = _written_at(output) != before
+        left = f"the points segmented before that are in {output}" if kept else f"{output} has not been written"
+        if isinstance(failure, KeyboardInterrupt):
+            typer.echo(f"streamseg: interrupted; {left}", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        if kept:
+            typer.echo(f"streamseg: {left}", err=True)
+        raise
+
+
+def _written_at(output: Path) -> int | None:
+    return output.stat().st_mtime_ns if output.exists() else None
+
+
+def _spans(
+    segmentor: Any,
+    width: float | None,
+    direction: str,
+    count: int | None,
+    seconds: float | None,
+    lines: int | None,
+) -> SpanBy | None:
+    given = {"--span-width": width, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
+    chosen = [name for name, value in given.items() if value is not None]
+    if direction != "x" and chosen not in ([], ["--span-width"]):
+        raise InvalidParameter(f"--direction is given with {chosen[0]}, allowed: with --span-width")
+    if len(chosen) > 1:
+        raise InvalidParameter(f"{' and '.join(chosen)} are given, allowed: one of {', '.join(given)}")
+    if count is not None:
+        return SpanByCount(count)
+    if seconds is not None:
+        return SpanByTime(seconds)
+    if lines is not None:
+        return SpanByScanLine(lines)
+    if width is None and direction == "x":
+        return None
+    try:
+        azimuth: str | float = float(direction)
+    except ValueError:
+        azimuth = direction
+    if width is None:
+        usual = default_spans(Recipe(segmentor, [], [], True), None, None)
+        if not isinstance(usual, SpanByWidth):
+            raise InvalidParameter(
+                f"--direction is {direction} without --span-width, allowed: with one for {segmentor!r}"
+            )
+        width = usual.width
+    return SpanByWidth(width, azimuth)
+
+
+def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:
+    noun = {"final": "segments", "carry": "segments as far as was known", "history": "raw segment ids"}[result.value]
+    typer.echo(
+        f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
+        f"{outcome.windows:,} windows; {outcome.promise}"
+    )
+    if outcome.aliases:
+        where = f"they are in {history / 'alias'}" if history else "--history keeps them, --result final applies them"
+        typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
+    if history is not None:
+        typer.echo(f"history in {history}")
+
+
+def _left_out(outcome: Outcome, segmentor: Any) -> str:
+    if not outcome.left_out.segments:
+        return ""
+    smallest, largest = (getattr(segmentor, name, None) for name in ("min_segment_size", "max_segment_size"))
+    reasons = [f"smaller than {smallest:,} points"] if smallest is not None and smallest > 1 else []
+    reasons += [f"larger than {largest:,} points"] if largest is not None else []
+    why = " or ".join(reasons) or "without a seed"
+    return f", {outcome.left_out.segments:,} {why} left out ({outcome.left_out.points:,} points)"

@@ -1,0 +1,76 @@
+//! The mean distance of a point to its nearest neighbors, or how much of it a window can tell.
+
+use crate::neighborhood::{Grid, Neighbor, Search};
+use crate::window::Window;
+
+/// Between what the mean distance of a point to its neighbors lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MeanDistance {
+    /// It is at least this.
+    pub(super) low: f64,
+    /// It is at most this; equal to `low` if the window holds all neighbors.
+    pub(super) high: f64,
+}
+
+/// Distances are compared with those to the border of a window, which rounding may have moved.
+const BORDER_SLACK: f64 = 1e-9;
+
+/// Finds the neighbors of points in one window.
+pub(super) struct NeighborDistances<'a> {
+    window: &'a Window,
+    grid: Grid<'a>,
+    /// How many neighbors there should be, the point itself not counted.
+    neighbors: usize,
+    /// What the sum of their distances is divided by is so many more.
+    more: usize,
+    found: Vec<Neighbor>,
+}
+
+impl<'a> NeighborDistances<'a> {
+    /// For means over `neighbors` others, divided by `more` than there are.
+    pub(super) fn new(window: &'a Window, neighbors: usize, more: usize) -> Self {
+        let grid = Grid::new(window.points(), window.point_ids(), window.lattice(), nearest(neighbors));
+        Self { window, grid, neighbors, more, found: Vec::new() }
+    }
+
+    /// The numbers of the points, near ones near each other.
+    pub(super) fn order(&self) -> Vec<u32> {
+        self.grid.order().to_vec()
+    }
+
+    /// What is known of the mean distance of `point`.
+    pub(super) fn of(&mut self, point: u32) -> MeanDistance {
+        self.grid.neighbors(point, &mut self.found);
+        let lengths: Vec<f64> = self.found.iter().skip(1).map(|n| self.grid.length(n.squared)).collect();
+        let farthest = lengths.last().copied().unwrap_or(0.0);
+        let is_full = lengths.len() == self.neighbors;
+        let position = &self.window.points()[point as usize];
+        let exact = mean(lengths.iter().copied(), self.more);
+        if self.window.holds(position, if is_full { farthest } else { f64::INFINITY }) {
+            return MeanDistance { low: exact, high: exact };
+        }
+        // All that has not been loaded lies beyond the border.
+        let border = self.window.distance_to_border(position) * (1.0 - BORDER_SLACK);
+        let at_least = lengths.iter().copied().chain(std::iter::repeat(border)).take(self.neighbors);
+        let low = mean(at_least.map(|length| length.min(border)), self.more);
+        MeanDistance { low, high: if is_full { exact } else { f64::INFINITY } }
+    }
+
+    /// The length of the longest distance among the neighbors of the point asked for last; ∞ if there are too few.
+    pub(super) fn last_radius(&self) -> f64 {
+        let farthest = self.found.last().filter(|_| self.found.len() > self.neighbors);
+        farthest.map_or(f64::INFINITY, |n| self.grid.length(n.squared))
+    }
+}
+
+/// The search for so many neighbors beside the point itself.
+pub(super) fn nearest(neighbors: usize) -> Search {
+    Search::Nearest { k: neighbors.saturating_add(1), flat: false, within: f64::INFINITY }
+}
+
+/// The mean of lengths in ascending order, in which equal ones cannot be told apart, so that it has no rounding of its own
+/// in any window.
+pub(super) fn mean(lengths: impl Iterator<Item = f64>, more: usize) -> f64 {
+    let (count, sum) = lengths.fold((0usize, 0.0), |(count, sum), length| (count + 1, sum + length));
+    if count == 0 { 0.0 } else { sum / (count + more) as f64 }
+}
