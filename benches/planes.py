@@ -44,7 +44,7 @@ ROOFS = ss.PlaneExtraction(
     1.0,
     k=12,
     max_distance=0.15,
-    min_angle_deg=30.0,
+    min_angle_deg=35.0,
     seed_calculator="NormalSigma0 < 0.05 ? NormalSigma0 : invalid",
     min_segment_size=20,
 )
@@ -104,7 +104,7 @@ def draw(path: Path, cloud: laspy.LasData, labels: Ids) -> None:
     colors[0] = 0.0
     figure = plt.figure(figsize=(14, 16), layout="constrained")
     axes = figure.add_subplot(aspect="equal", title=f"{path.stem}: {len(np.unique(of)) - 1} planes")
-    axes.scatter(points[:, 0], points[:, 1], s=0.7, c=colors[of + 1], linewidths=0)
+    axes.scatter(points[:, 0], points[:, 1], s=1.5, c=colors[of + 1], linewidths=0)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 

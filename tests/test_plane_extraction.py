@@ -122,19 +122,21 @@ def test_errors_say_what_is_allowed(parameters: dict[str, float], message: str) 
         ss.PlaneExtraction(1.0, **parameters)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("width", [10.0, 20.0, 50.0])
-def test_streamed_is_static_on_roofs_of_a_city(cloud: Callable[[str], LatticeCloud], width: float) -> None:
+def test_streamed_is_static_on_a_city(cloud: Callable[[str], LatticeCloud]) -> None:
     city = cloud("als/delft_ahn3.laz")
     low = city.points.min(axis=0)
-    part = city.points[(city.points[:, 1] - low[1]) * city.scale < 60]
+    # A strip along the spans' direction; benches/planes.py takes the whole.
+    part = city.points[(city.points[:, 1] - low[1]) * city.scale < 30]
     points = (part - low) * city.scale
     segmentor = ss.PlaneExtraction(1.0, max_distance=0.1)
     labels = ss.segment_static(points, segmentor)
-    streamed = ss.segment(points, segmentor, spans=ss.SpanByWidth(width), window=ss.Window(3, 1))
     in_planes = labels != -1
-    found = agreement(labels[in_planes], streamed[in_planes])
-    print(f"spans of {width} m: adjusted Rand index {found:.4f} over {in_planes.sum()} points of planes")
-    assert same(labels, streamed)
+    for width in (10.0, 20.0, 50.0):
+        streamed = ss.segment(points, segmentor, spans=ss.SpanByWidth(width), window=ss.Window(3, 1))
+        found = agreement(labels[in_planes], streamed[in_planes])
+        print(f"spans of {width} m: adjusted Rand index {found:.4f} over {in_planes.sum()} points of planes")
+        assert found >= 0.95
+        assert same(labels, streamed)
 
 
 def test_in_stream_order_planes_of_two_windows_have_to_agree() -> None:
