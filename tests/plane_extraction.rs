@@ -1,4 +1,6 @@
 //! Planes depend on the points and their ids alone, and every plane keeps to its limits.
+#![cfg(not(loom))]
+#![allow(clippy::unwrap_used)]
 
 use std::sync::Arc;
 
