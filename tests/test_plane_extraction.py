@@ -62,7 +62,9 @@ def test_roofs_are_those_of_the_definition(seed: int, tile_size: float) -> None:
     st.sampled_from([2.0, 3.0, 20.0]),
     st.sampled_from([0.05, 0.3]),
 )
-def test_any_small_cloud_is_as_defined(cloud: list[tuple[int, int, int]], tile_size: float, max_distance: float) -> None:
+def test_any_small_cloud_is_as_defined(
+    cloud: list[tuple[int, int, int]], tile_size: float, max_distance: float
+) -> None:
     points = np.array(cloud, dtype=np.float64).reshape(-1, 3) / 4
     # Points that two planes are equally near to are decided by the last digit: turn the cloud off its own axes a little.
     points[:, 2] += np.round((points[:, 0] * 0.37 + points[:, 1] ** 2 * 0.011) / STEP) * STEP
