@@ -129,8 +129,7 @@ impl Error {
     }
 
     pub(crate) fn unknown_attribute(name: &str, available: &[String]) -> Self {
-        let listed = ["X", "Y", "Z"].into_iter().chain(available.iter().map(String::as_str)).collect::<Vec<_>>();
-        Error::UnknownAttribute { name: name.into(), available: listed.join(", ") }
+        Error::UnknownAttribute { name: name.into(), available: available.join(", ") }
     }
 
     pub(crate) fn spool(doing: &'static str, cause: io::Error) -> Self {

@@ -166,6 +166,12 @@ impl Within {
             })
     }
 
+    /// Whether all pairs no further apart than `squared` are joined, also without granting any rounding.
+    #[inline]
+    pub(crate) fn includes(&self, squared: f64) -> bool {
+        squared <= self.limit
+    }
+
     /// No pair with a greater squared distance is joined.
     #[inline]
     pub(crate) fn limit(&self) -> f64 {

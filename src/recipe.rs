@@ -79,16 +79,16 @@ impl Recipe {
         Ok(recipe)
     }
 
-    /// Decides where an attribute comes from: the cloud before all else, so that what was measured or computed with
-    /// more care is used.
+    /// Decides where an attribute comes from: the cloud before all computing, so that what was measured or computed with
+    /// more care is used. Coordinates are those that are computed with, whatever whole numbers a file calls X, Y and Z.
     fn provide(&mut self, name: &str, available: &[String], has_more: bool) -> Result<()> {
-        if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
-            if !self.reads.contains(column) {
-                self.reads.push(column.clone());
-            }
-        } else if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
+        if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
             if !self.coordinates.contains(&axis) {
                 self.coordinates.push(axis);
+            }
+        } else if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
+            if !self.reads.contains(column) {
+                self.reads.push(column.clone());
             }
         } else if let Some(feature) = Feature::by_name(name) {
             if self.search.is_none() {
@@ -100,7 +100,7 @@ impl Recipe {
         } else if has_more {
             self.reads.push(name.to_string());
         } else {
-            return Err(Error::unknown_attribute(name, available));
+            return Err(Error::unknown_attribute(name, &known_to_all(available)));
         }
         Ok(())
     }
@@ -206,16 +206,14 @@ impl Recipe {
 
 /// The coordinates, the attributes of the cloud, and the features that can be computed.
 fn known_to_all(available: &[String]) -> Vec<String> {
-    let features = Feature::ALL
-        .iter()
-        .map(|feature| feature.name())
-        .filter(|name| !available.iter().any(|other| is_same_name(other, name)));
-    COORDINATES
-        .into_iter()
-        .chain(available.iter().map(String::as_str))
-        .chain(features)
-        .map(ToString::to_string)
-        .collect()
+    let mut known: Vec<String> = COORDINATES.map(str::to_string).to_vec();
+    let features = Feature::ALL.iter().map(|feature| feature.name());
+    for name in available.iter().map(String::as_str).chain(features) {
+        if !known.iter().any(|other| is_same_name(other, name)) {
+            known.push(name.to_string());
+        }
+    }
+    known
 }
 
 impl Segmentor for Recipe {

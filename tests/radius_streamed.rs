@@ -5,9 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod clouds;
-#[allow(dead_code)]
 mod oracle;
-#[allow(dead_code)]
 mod streaming;
 
 use std::sync::Arc;
@@ -86,7 +84,9 @@ proptest! {
         cloud in cloud(), survey in survey(), squared in squared_distance(), metric in metric(), min_points in 1usize..9,
     ) {
         // Rounded coordinates do not tell which of two core points is nearer if both are equally near.
-        prop_assume!(survey.lattice.is_whole() || survey.unit == 1.0);
+        if !survey.lattice.is_whole() && survey.unit != 1.0 {
+            return Ok(());
+        }
         let segmentor = Dbscan::new((squared as f64).sqrt() * survey.unit, min_points, metric).unwrap();
         let labels = static_labels(&survey.told(&cloud), survey.lattice, &segmentor);
         let expected = dbscan(&survey.in_units(&cloud), squared, min_points, axes(metric));

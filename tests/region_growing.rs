@@ -5,11 +5,8 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
-#[allow(dead_code)]
 mod clouds;
-#[allow(dead_code)]
 mod oracle;
-#[allow(dead_code)]
 mod streaming;
 
 use std::sync::Arc;
@@ -124,7 +121,7 @@ fn recipe(segmentor: impl Segmentor + 'static) -> Recipe {
         fit: Fit::default(),
         segmentor: Arc::new(segmentor),
     };
-    Recipe::new(ingredients, &[]).unwrap()
+    Recipe::new(ingredients, &[], false).unwrap()
 }
 
 fn surface(points: &[[f64; 3]], columns: &[Vec<f64>], growth: &Growth, survey: &Survey) -> Surface {
@@ -318,14 +315,13 @@ proptest! {
         cloud in cloud(), squared in squared_distance(), growth in growth(), seed in any::<u64>(),
         order in any::<prop::sample::Index>(),
     ) {
-        prop_assume!(!cloud.is_empty());
         let survey = plain();
         let growth = Growth { max_curvature: None, ..growth };
         let growing = growing(growth, Sought { k: None, squared: Some(squared) }, &survey);
         let points = survey.told(&cloud);
         let columns = made_up(cloud.len(), growth.curvature, seed);
         let whole = static_labels_with(&points, &columns, survey.lattice, &growing);
-        let turn = order.index(cloud.len());
+        let turn = order.index(cloud.len() + 1);
         let turned = |of: &[f64]| [&of[turn..], &of[..turn]].concat().into_iter().rev().collect::<Vec<f64>>();
         let turned_points: Vec<_> = points[turn..].iter().chain(&points[..turn]).rev().copied().collect();
         let turned_columns: Vec<Vec<f64>> = columns.iter().map(|column| turned(column)).collect();

@@ -26,7 +26,7 @@ CLOUDS = [
     ("als/lidarhd_77050_627755.laz", 0.8, 10),
 ]
 # More would take scikit-learn too long.
-MOST = 100_000
+MOST = 60_000
 
 
 def check(labels: NDArray[np.int64], points: Steps, eps: float, min_points: int, scale: float, metric: str) -> None:
@@ -41,7 +41,6 @@ def check(labels: NDArray[np.int64], points: Steps, eps: float, min_points: int,
     expected = twin.dbscan(points, eps, min_points, scale, metric)
     assert np.array_equal(np.flatnonzero(expected.is_core), core)
     assert same(labels, expected.labels)
-    print(f"{len(points)} points: {labels.max()} segments, {np.count_nonzero(labels == -1)} noise")
 
 
 @pytest.mark.parametrize("metric", ["xyz", "xy"])
@@ -52,18 +51,19 @@ def test_the_core_partition_is_scikit_learns(
     _, points, scale = cloud(name)
     # A part of the map, so that it stays as dense as it is.
     points = points[np.argsort(points[:, 0], kind="stable")[:MOST]]
-    las_like = points * scale
-    labels = ss.segment_static(las_like, ss.Dbscan(eps, min_points, metric))
+    labels = ss.segment_static(points * scale, ss.Dbscan(eps, min_points, metric))
     check(labels, points, eps, min_points, scale, metric)
 
 
 def test_also_of_a_turn_of_a_spinning_scanner(data: Path) -> None:
     xyz = np.fromfile(data / "spinning" / "kitti_a.bin", np.float32).reshape(-1, 4)[:, :3].astype(float)
     steps = np.rint(xyz * 1000).astype(np.int64)
-    check(ss.segment_static(steps * 0.001, ss.Dbscan(0.4, 10)), steps, 0.4, 10, 0.001, "xyz")
+    # Every second point, which scikit-learn takes a second for.
+    steps = steps[::2]
+    check(ss.segment_static(steps * 0.001, ss.Dbscan(0.2, 10)), steps, 0.2, 10, 0.001, "xyz")
 
 
-@pytest.mark.parametrize(("name", "eps", "min_points"), CLOUDS)
+@pytest.mark.parametrize(("name", "eps", "min_points"), [*CLOUDS[::2], ("mls/amsterdam_street.laz", 0.1, 8)])
 def test_streamed_is_static(data: Path, name: str, eps: float, min_points: int) -> None:
     segmentor = ss.Dbscan(eps, min_points)
     static = ss.segment_static(data / name, segmentor)

@@ -46,9 +46,9 @@ def features(
     normals : {"least_squares", "robust"}, default "least_squares"
         Whether planes are fitted to all neighbors alike, or to those that are left when blunders have been removed.
     spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
-        Compute as a stream, so that only a few spans and the features themselves are in memory. By width the values
-        are the same to the last bit. With `k` and no `search_radius` a neighbor may lie in a span that is not
-        loaded: then the values of the point are NaN. Otherwise than by width, only neighbors in the same span are found.
+        Compute as a stream, so that only a few spans and the features themselves are in memory. By width the values are
+        the same to the last bit. With `k` and no `search_radius` a neighbor may lie in a span that is not loaded: then
+        the values of the point are NaN. Otherwise than by width, only neighbors in the same span are found.
     threads : int, default 1
         Spans that are worked on side by side.
 

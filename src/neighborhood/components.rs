@@ -4,7 +4,7 @@
 //! 2001; for spanning trees March, Ram and Gray 2010). Most comparisons end early:
 //! * bounds further apart than the distance hold no pair;
 //! * bounds no larger than the distance are one set without a test, so dense clouds cost no more than sparse ones;
-//! * blocks whose points are all in one and the same set already need none.
+//! * parts whose points are all in one and the same set already need none.
 
 use super::cells::{BLOCK, Bits, Cells, squared_distances, up_to};
 use crate::lattice::Within;
@@ -40,7 +40,7 @@ impl Components<'_> {
     /// Joins the pairs below `index` on `level`.
     fn join_inside(&mut self, level: usize, index: usize) {
         let bounds = &self.cells.pyramid[level][index];
-        if self.within.pair(&bounds.low, &bounds.high) {
+        if self.within.includes(self.within.squared(&bounds.low, &bounds.high)) {
             self.join_all(level, index);
             return;
         }
@@ -176,7 +176,9 @@ impl Components<'_> {
                 self.main[block].0 |= 1 << i;
             }
         }
-        Bits(self.all_of(block).0 & !self.main[block].0)
+        let others = Bits(self.all_of(block).0 & !self.main[block].0);
+        self.uniform[0][block] = others.0 == 0;
+        others
     }
 
     /// The points of a block that are within the distance of that at `place`.

@@ -8,6 +8,7 @@ use super::search::Search;
 pub struct Neighborhoods {
     search: Search,
     neighbors: Vec<u32>,
+    order: Vec<u32>,
     /// Where each point's are among them, and how many.
     places: Vec<(usize, u32)>,
     support: Vec<f64>,
@@ -18,11 +19,13 @@ impl Neighborhoods {
     pub fn new(search: Search, points: usize) -> Self {
         let per_point = if let Search::Nearest { k, .. } = search { k.min(points) } else { 0 };
         let neighbors = Vec::with_capacity(points * per_point);
-        Self { search, neighbors, places: vec![(0, 0); points], support: vec![0.0; points] }
+        let order = Vec::with_capacity(points);
+        Self { search, neighbors, order, places: vec![(0, 0); points], support: vec![0.0; points] }
     }
 
     /// Keeps the neighbors of `point`; what lies within `support` of it says who they are.
     pub fn keep(&mut self, point: u32, neighbors: impl Iterator<Item = u32>, support: f64) {
+        self.order.push(point);
         let first = self.neighbors.len();
         self.neighbors.extend(neighbors);
         self.places[point as usize] = (first, (self.neighbors.len() - first) as u32);
@@ -32,6 +35,11 @@ impl Neighborhoods {
     /// The search that found them.
     pub fn search(&self) -> Search {
         self.search
+    }
+
+    /// The points in the order in which their neighbors were kept, which is that in memory.
+    pub fn order(&self) -> &[u32] {
+        &self.order
     }
 
     /// The neighbors of a point.

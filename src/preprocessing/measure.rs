@@ -6,6 +6,7 @@
 //!
 //! So the result is exact and does not depend on the windows.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::moments::{Moments, Statistics};
@@ -14,7 +15,7 @@ use super::{Preprocessed, Stage, StatisticalOutlierRemoval, apply_all, total_hal
 use crate::crew::Crew;
 use crate::error::Result;
 use crate::lattice::Lattice;
-use crate::neighborhood::Grid;
+use crate::neighborhood::{Grid, Neighbor};
 use crate::span::Spans;
 use crate::survey::{LookUp, OwnIds, Survey};
 use crate::window::{Halo, Window};
@@ -134,16 +135,13 @@ fn second_look(left: &[Left], others: usize, window: &Window, own: &OwnIds) -> F
         points.push(left[i].point);
         ids.push(left[i].id);
     }
-    let place_of: std::collections::HashMap<i64, u32> = ids.iter().copied().zip(0..).collect();
+    let place_of: HashMap<i64, u32> = ids.iter().copied().zip(0..).collect();
     let grid = Grid::new(&points, &ids, window.lattice(), nearest(others));
     let mut found = Vec::new();
     let neighbors = near.into_iter().filter_map(|i| {
         grid.neighbors(*place_of.get(&left[i].id)?, &mut found);
-        let near = |n: &crate::neighborhood::Neighbor| Near {
-            squared: n.squared,
-            id: ids[n.point as usize],
-            length: grid.length(n.squared),
-        };
+        let near =
+            |n: &Neighbor| Near { squared: n.squared, id: ids[n.point as usize], length: grid.length(n.squared) };
         Some((i, found.iter().map(near).collect()))
     });
     Found { neighbors: neighbors.collect(), ..Found::default() }
@@ -167,9 +165,8 @@ impl Bounds {
     fn of(points: impl Iterator<Item = [f64; 3]>) -> Self {
         let mut bounds = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
         for point in points {
-            for axis in 0..3 {
-                bounds.low[axis] = bounds.low[axis].min(point[axis]);
-                bounds.high[axis] = bounds.high[axis].max(point[axis]);
+            for ((low, high), along) in bounds.low.iter_mut().zip(&mut bounds.high).zip(point) {
+                (*low, *high) = (low.min(along), high.max(along));
             }
         }
         bounds

@@ -1,6 +1,6 @@
 //! Radius outlier removal: points that have too few neighbors within a radius.
 //!
-//! Source: PCL, Open3D and PDAL agree on it. All three count neighbors beside the point itself.
+//! Source: PCL, `Open3D` and PDAL agree on it. All three count neighbors beside the point itself.
 //! Departure: a neighbor at exactly the radius counts, as it does everywhere here.
 
 use super::{Preprocessed, Stage, keep_where};

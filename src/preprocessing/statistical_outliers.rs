@@ -1,6 +1,6 @@
 //! Statistical outlier removal: points whose neighbors are unusually far away.
 //!
-//! Source: Rusu et al. (2008), as PCL, PDAL and Open3D have it, each with a formula of its own ([`Dialect`]). The mean
+//! Source: Rusu et al. (2008), as PCL, PDAL and `Open3D` have it, each with a formula of its own ([`Dialect`]). The mean
 //! distance d of a point to its nearest neighbors is compared with the mean μ and the standard deviation σ of all points.
 //!
 //! *Global*: μ and σ are those of the whole cloud, from a pass of their own ([`measure`](super::measure)). With a threshold
@@ -218,7 +218,9 @@ impl Stage for RunningOutlierRemoval {
                 known[point as usize] = (d.low == d.high).then_some(d);
             }
         }
-        known.iter().flatten().for_each(|d| so_far.moments.add(d.high));
+        for d in known.iter().flatten() {
+            so_far.moments.add(d.high);
+        }
         let threshold = self.removal.threshold(&self.removal.statistics(&so_far.moments));
         let stays: Vec<Option<bool>> = (window.point_ids().iter().zip(&known))
             .map(|(id, d)| match d {

@@ -295,7 +295,9 @@ fn check_voxels(cloud: &Cloud, size: f64, representative: Representative) {
     let fates = in_one_window(cloud, &stages);
     assert_eq!(fates.len(), cloud.points.len());
     let mut voxels: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
-    (0..cloud.points.len()).for_each(|i| voxels.entry(voxel_of(cloud, i, size)).or_default().push(i));
+    for i in 0..cloud.points.len() {
+        voxels.entry(voxel_of(cloud, i, size)).or_default().push(i);
+    }
     for members in voxels.values() {
         let real = |i: usize| cloud.lattice.real(&cloud.points[i]);
         let mean = |k: usize| members.iter().map(|&i| real(i)[k]).sum::<f64>() / members.len() as f64;

@@ -57,7 +57,7 @@ fn halo(length: f64) -> Halo {
 
 /// Lets Python interrupt a survey.
 pub(super) fn signals() -> Result<(), Error> {
-    Python::attach(|py| py.check_signals()).map_err(Error::from)
+    Python::attach(|py| Ok(py.check_signals()?))
 }
 
 /// The points of a span that stand for the cloud's.

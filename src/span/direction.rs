@@ -54,7 +54,7 @@ impl Extent {
             let steps = |length: f64| (length / step).round();
             return steps(along - self.low) >= radius && self.holds_above(steps(self.high - along), radius);
         }
-        let off = self.rounding(point, lattice) + radius * RADIUS_SLACK;
+        let off = rounding(point, lattice) + radius * RADIUS_SLACK;
         along - self.low >= radius + off && self.holds_above(self.high - along, radius + off)
     }
 
@@ -68,7 +68,7 @@ impl Extent {
     pub(crate) fn distance_to_border(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
         let place = lattice.horizontal(point);
         let along = self.direction[0] * place[0] + self.direction[1] * place[1];
-        let way = (along - self.low).min(self.high - along) - self.rounding(point, lattice);
+        let way = (along - self.low).min(self.high - along) - rounding(point, lattice);
         (way * lattice.horizontal_unit()).max(0.0)
     }
 
@@ -85,14 +85,13 @@ impl Extent {
         };
         Self { low: self.low + low, high: self.high - high, ..self }
     }
+}
 
-    /// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
-    fn rounding(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
-        let (real, unit) = (lattice.real(point), lattice.horizontal_unit());
-        let offset = lattice.offset();
-        let largest: f64 = (0..3).map(|k| real[k].abs() + offset[k].abs()).sum();
-        16.0 * f64::EPSILON * largest / unit
-    }
+/// More than the rounding of a coordinate, of a border and of which slab a point was put into add up to.
+fn rounding(point: &[f64; 3], lattice: &Lattice) -> f64 {
+    let (real, offset) = (lattice.real(point), lattice.offset());
+    let largest: f64 = (0..3).map(|k| real[k].abs() + offset[k].abs()).sum();
+    16.0 * f64::EPSILON * largest / lattice.horizontal_unit()
 }
 
 /// More than the relative slack on a distance, see [`crate::lattice::Within`].

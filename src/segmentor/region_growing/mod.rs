@@ -190,9 +190,9 @@ impl<'a> Neighbors<'a> {
     }
 
     /// All points, those near each other mostly one after the other.
-    fn order(&self, points: u32) -> Vec<u32> {
+    fn order(&self) -> Vec<u32> {
         match self {
-            Neighbors::Kept(_) => (0..points).collect(),
+            Neighbors::Kept(kept) => kept.order().to_vec(),
             Neighbors::Searched { grid, .. } => grid.order().to_vec(),
         }
     }

@@ -50,7 +50,7 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
     // A smooth point of the segment of each point.
     let mut members = vec![NOBODY; points as usize];
     let mut undecided = 0;
-    for point in neighbors.order(points) {
+    for point in neighbors.order() {
         let mut is_decided = kind(point) != Kind::Unknown;
         if let Kind::Smooth | Kind::Rough = kind(point) {
             let (found, support) = neighbors.of(point);
