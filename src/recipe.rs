@@ -79,8 +79,8 @@ impl Recipe {
         Ok(recipe)
     }
 
-    /// Decides where an attribute comes from: the cloud before all computing, so that what was measured or computed with
-    /// more care is used. Coordinates are those that are computed with, whatever whole numbers a file calls X, Y and Z.
+    /// Decides where an attribute comes from. Coordinates are those of the points, whatever a file calls its whole
+    /// numbers; for all else the cloud comes first, so that what was measured or computed with more care is used.
     fn provide(&mut self, name: &str, available: &[String], has_more: bool) -> Result<()> {
         if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
             if !self.coordinates.contains(&axis) {

@@ -2,7 +2,6 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
-#[allow(dead_code)]
 mod streaming;
 
 use std::sync::Arc;

@@ -2,9 +2,7 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
-#[allow(dead_code)]
 mod oracle;
-#[allow(dead_code)]
 mod streaming;
 
 use std::sync::Arc;
@@ -24,7 +22,7 @@ use streamseg::window::{Window, WindowSize};
 fn recipe(stages: Vec<Arc<dyn Stage>>) -> Recipe {
     let segmentor = Arc::new(Proximity::new(1.2, Metric::Xy).unwrap());
     let ingredients = Ingredients { stages, filter: None, seed_filter: None, fit: Fit::default(), segmentor };
-    Recipe::new(ingredients, &[]).unwrap()
+    Recipe::new(ingredients, &[], false).unwrap()
 }
 
 /// 2000 points in centimeters, 80 m by 60 m, as if by chance; every tenth is the neighbor of another.

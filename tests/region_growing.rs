@@ -5,11 +5,8 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
-#[allow(dead_code)]
 mod clouds;
-#[allow(dead_code)]
 mod oracle;
-#[allow(dead_code)]
 mod streaming;
 
 use std::sync::Arc;

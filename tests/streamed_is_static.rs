@@ -5,7 +5,6 @@
 #![allow(clippy::unwrap_used)]
 
 mod clouds;
-#[allow(dead_code)]
 mod oracle;
 mod streaming;
 

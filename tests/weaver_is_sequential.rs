@@ -2,9 +2,7 @@
 #![cfg(not(loom))]
 #![allow(clippy::unwrap_used)]
 
-#[allow(dead_code)]
 mod clouds;
-#[allow(dead_code)]
 mod oracle;
 
 use std::collections::HashMap;

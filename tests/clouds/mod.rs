@@ -1,5 +1,7 @@
 //! Random clouds on a small lattice, full of what trips triangulators and distance tests: points that coincide, lie on
 //! one line, on one circle, on top of each other, or at exactly the distance from each other.
+// Each test binary uses what it needs of it.
+#![allow(dead_code)]
 
 use proptest::prelude::*;
 use streamseg::lattice::Lattice;

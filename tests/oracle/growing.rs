@@ -1,7 +1,9 @@
 //! Region growing from its definitions: all pairs looked at, nothing clever.
 
 use super::partition::components;
-use crate::clouds::Place;
+
+/// Lattice coordinates.
+type Place = [i64; 3];
 
 /// The neighbors of each point in ascending order of (distance, number), the point itself being the first: no more than
 /// `k`, none beyond the squared distance.

@@ -1,4 +1,6 @@
 //! Slow and obvious twins of what the library computes, on whole numbers.
+// Each test binary uses what it needs of it.
+#![allow(dead_code)]
 
 pub mod delaunay;
 pub mod growing;

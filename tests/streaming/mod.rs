@@ -1,4 +1,6 @@
 //! Streams a cloud through the whole pipeline and gathers everything that is known of its points.
+// Each test binary uses what it needs of it.
+#![allow(dead_code)]
 
 use std::collections::HashMap;
 use std::sync::Arc;

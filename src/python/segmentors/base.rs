@@ -36,7 +36,7 @@ pub struct PySegmentor {
     pub(in super::super) options: Options,
     /// What it was made with, by name, in the order of the constructor: always shown.
     arguments: Py<PyDict>,
-    /// The options that were given.
+    /// The options that differ from what they are anyway.
     given: Py<PyDict>,
 }
 
@@ -81,6 +81,19 @@ impl Options {
             fit: text("normals")?.map_or(Ok(Fit::default()), |fit| Fit::from_str(&fit))?,
         })
     }
+
+    /// All of them by name, in the order in which they are shown.
+    fn values(&self, py: Python<'_>) -> PyResult<[(&'static str, Py<PyAny>); 6]> {
+        let text = |filter: &Option<Filter>| value(py, filter.as_ref().map(Filter::text));
+        Ok([
+            ("min_segment_size", value(py, self.limits.min())?),
+            ("max_segment_size", value(py, self.limits.max())?),
+            ("filter", text(&self.filter)?),
+            ("seed_filter", text(&self.seed_filter)?),
+            ("sort", value(py, self.sort.name())?),
+            ("normals", value(py, self.fit.name())?),
+        ])
+    }
 }
 
 /// A count from Python, where numbers may be negative; none for None.
@@ -102,8 +115,15 @@ impl PySegmentor {
         given: Option<&Bound<'_, PyDict>>,
         smallest: usize,
     ) -> PyResult<Self> {
-        let given = given.map_or_else(|| Ok(PyDict::new(arguments.py())), pyo3::types::PyDictMethods::copy)?;
-        let options = Options::read(&given, class, smallest)?;
+        let py = arguments.py();
+        let usual = Options::read(&PyDict::new(py), class, smallest)?;
+        let options = given.map_or_else(|| Ok(usual.clone()), |given| Options::read(given, class, smallest))?;
+        let given = PyDict::new(py);
+        for ((name, value), (_, usual)) in options.values(py)?.into_iter().zip(usual.values(py)?) {
+            if !value.bind(py).eq(usual)? {
+                given.set_item(name, value)?;
+            }
+        }
         Ok(Self { core: Arc::new(core), options, arguments: arguments.unbind(), given: given.unbind() })
     }
 
