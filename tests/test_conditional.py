@@ -251,7 +251,9 @@ def test_no_text_is_too_much() -> None:
     assert understood > 20
 
 
-@pytest.mark.parametrize("text", ["\0", "", " ", "\ud800", "(" * 5000, "not " * 2000 + "true", "Z<1 or " * 2000, "é" * 300])
+@pytest.mark.parametrize(
+    "text", ["\0", "", " ", "\ud800", "(" * 5000, "not " * 2000 + "true", "Z<1 or " * 2000, "é" * 300]
+)
 def test_odd_texts_are_refused(text: str) -> None:
     with pytest.raises((ss.InvalidParameter, UnicodeEncodeError)):
         every(text)
