@@ -2,7 +2,7 @@
 
     python benches/planes.py [--out DIR] [--widths 10 20 50]
 
-The cloud is delft_ahn3.laz (16 points/m², row houses on a canal). Each plane's σ0 is computed by NumPy from the
+The cloud is delft_ahn3.laz (16 points/m², row houses on a canal). Each plane's sigma0 is computed by NumPy from the
 labelled points, not taken from the segmentor. Results that came out: `BENCHMARKS.md`.
 """
 
@@ -57,7 +57,7 @@ class Planes(NamedTuple):
     sizes: Ids
     sigmas: Floats
     of_point: Floats
-    """σ0 of each point's plane; infinite without one."""
+    """sigma0 of each point's plane; infinite without one."""
 
 
 def measure(points: Floats, labels: Ids) -> Planes:
@@ -83,8 +83,8 @@ def report(title: str, cloud: laspy.LasData, labels: Ids) -> float:
     share = float((planes.of_point[roofs] < SIGMA).mean())
     print(
         f"{title}: {len(planes.labels)} planes of {planes.sizes.sum()} points,"
-        f" σ0 median {np.median(planes.sigmas):.3f} m, largest {planes.sigmas.max():.3f} m;"
-        f" {share:.1%} of class {BUILDING} in planes with σ0 < {SIGMA} m"
+        f" sigma0 median {np.median(planes.sigmas):.3f} m, largest {planes.sigmas.max():.3f} m;"
+        f" {share:.1%} of class {BUILDING} in planes with sigma0 < {SIGMA} m"
     )
     return share
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +19,7 @@ from sklearn.cluster import DBSCAN, HDBSCAN, AgglomerativeClustering, KMeans
 import streamseg as ss
 from reference.consumer import take
 from reference.partition import agreement, same
+from streamseg.cli.methods import segmentor as chosen
 
 Positions = NDArray[np.float64]
 
@@ -202,3 +207,194 @@ def test_what_is_no_segmentor_is_refused(thing: Any) -> None:
         with pytest.raises(ss.InvalidParameter, match=allowed) as caught:
             call(heaps(), thing)
         assert repr(thing) in str(caught.value)
+
+
+def test_a_function_gets_the_attributes_that_it_names() -> None:
+    points = heaps(4)
+    brightness = np.arange(len(points), dtype=np.float64)
+    seen: dict[int, float] = {}
+
+    def look(window: ss.WindowPoints) -> NDArray[np.int64]:
+        given = window.attributes
+        assert sorted(given) == ["Z", "intensity"]
+        assert not given["intensity"].flags.writeable
+        assert np.array_equal(given["Z"], window.points[:, 2])
+        seen.update(zip(window.point_ids.tolist(), given["intensity"].tolist(), strict=True))
+        return np.zeros(len(window), int)
+
+    look.attributes = ["intensity", "Z"]  # type: ignore[attr-defined]
+    ss.segment(points, look, spans=ss.SpanByCount(50), attributes={"Intensity": brightness})
+    assert [seen[point] for point in range(len(points))] == brightness.tolist()
+
+
+def test_a_function_has_no_neighborhood_to_compute_features_from() -> None:
+    def look(window: ss.WindowPoints) -> NDArray[np.int64]:
+        return by_heap(window.points)
+
+    look.attributes = ["NormalZ"]  # type: ignore[attr-defined]
+    with pytest.raises(ss.InvalidParameter, match="look has no neighborhood to compute it from"):
+        ss.segment(heaps(), look)
+    labels = ss.segment(heaps(), look, attributes={"NormalZ": np.zeros(len(heaps()))})
+    assert same(labels, by_heap(heaps()))
+
+
+# Segmentors of another package, as its pyproject.toml would announce them.
+MODULE = """
+import numpy as np
+import streamseg as ss
+from sklearn.cluster import DBSCAN
+
+
+def heaps(window, *, apart=10.0):
+    return np.round(window.points[:, 0] / apart).astype(np.int64)
+
+
+heaps.attributes = ["Z"]
+heaps.min_segment_size = 3
+
+
+class Heaps:
+    def __init__(self, apart=10.0):
+        self.apart = apart
+
+    def fit_predict(self, points):
+        return np.round(points[:, 0] / self.apart).astype(np.int64)
+
+
+def dense(eps=2.0):
+    return ss.Dbscan(eps, min_points=3)
+
+
+def strict(window, must):
+    return np.zeros(len(window), int)
+
+
+class Anything:
+    def __init__(self, **parameters):
+        raise TypeError("'far' is no number")
+
+
+nothing = object()
+"""
+ANNOUNCED = """
+[streamseg.segmentors]
+heaps = MODULE:heaps
+heap-class = MODULE:Heaps
+dense = MODULE:dense
+sklearn-dbscan = MODULE:DBSCAN
+strict = MODULE:strict
+anything = MODULE:Anything
+nothing = MODULE:nothing
+gone = MODULE:gone
+no-module = MODULE_that_is_not_there:heaps
+"""
+
+
+def install(folder: Path, package: str, announced: str = ANNOUNCED) -> None:
+    """Put a package where Python finds it, as an installer does."""
+    module = package.replace("-", "_")
+    (folder / f"{module}.py").write_text(MODULE)
+    info = folder / f"{module}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(announced.replace("MODULE", module))
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    install(folder, "some-segmentors")
+    monkeypatch.syspath_prepend(folder)
+    return folder
+
+
+@pytest.mark.usefixtures("installed")
+def test_what_packages_announce_has_names() -> None:
+    assert {"heaps", "heap-class", "dense", "sklearn-dbscan"} <= set(ss.plugin_names())
+    assert ss.plugin_names() == sorted(ss.plugin_names())
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("heaps", {}),
+        ("heaps", {"apart": 10.0}),
+        ("heap-class", {"apart": 10.0}),
+        ("dense", {}),
+        ("dense", {"eps": 2.5}),
+        ("sklearn-dbscan", {"eps": 2.0, "min_samples": 3}),
+    ],
+)
+def test_a_plug_in_segments(name: str, parameters: dict[str, Any]) -> None:
+    points = heaps()
+    labels = ss.segment(points, ss.plugin(name, **parameters), spans=ss.SpanByWidth(20.0))
+    assert agreement(labels, by_heap(points)) > 0.99
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_function_of_the_window_stays_what_it_is() -> None:
+    segmentor = ss.plugin("heaps", apart=20.0)
+    assert (segmentor.__name__, segmentor.attributes, segmentor.min_segment_size) == ("heaps", ["Z"], 3)
+    assert ss.segment_static(heaps(8), segmentor).max() < ss.segment_static(heaps(8), ss.plugin("heaps")).max()
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("heap", {}, "segmentor 'heap' is announced by no installed package; there are: .*heap-class"),
+        ("heaps", {"far": 1}, "segmentor 'heaps' does not take these parameters: .*'far'"),
+        ("heaps", {"window": 1}, "segmentor 'heaps' does not take these parameters: .*'window'"),
+        ("strict", {}, "segmentor 'strict' does not take these parameters: .*'must'"),
+        ("heap-class", {"far": 1}, "segmentor 'heap-class' does not take these parameters: .*'far'"),
+        ("anything", {}, "segmentor 'anything' does not take these parameters: 'far' is no number"),
+        ("nothing", {}, "segmentor 'nothing' does not take these parameters: .*not callable"),
+        ("gone", {}, "segmentor 'gone' cannot be loaded from some_segmentors:gone: .*no attribute 'gone'"),
+        ("no-module", {}, "segmentor 'no-module' cannot be loaded from .*No module named"),
+    ],
+)
+def test_what_cannot_be_had_is_told(name: str, parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ss.InvalidParameter, match=message):
+        ss.plugin(name, **parameters)
+
+
+def test_two_packages_with_one_name_are_told(installed: Path) -> None:
+    install(installed, "more-segmentors", "[streamseg.segmentors]\nheaps = MODULE:heaps\n")
+    with pytest.raises(ss.InvalidParameter, match="'heaps' is announced by more-segmentors and some-segmentors"):
+        ss.plugin("heaps")
+    assert ss.plugin("dense") == ss.Dbscan(2.0, min_points=3)
+
+
+def test_plug_ins_on_the_command_line(installed: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "heaps.npy", heaps())
+    paths = os.pathsep.join([str(installed), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-m", "streamseg", "segment", "heaps.npy", "out.npy"]
+    command += ["--method", "heaps", "--set", "apart=10", "--span-width", "20"]
+    environment = {**os.environ, "PYTHONPATH": paths}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert same(np.load(tmp_path / "out.npy"), by_heap(heaps()))
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("method", "given", "settings", "message"),
+    [
+        ("heap", {}, [], "--method is 'heap', allowed: proximity, .*heap-class"),
+        ("heaps", {}, ["apart"], "--set is 'apart', allowed: NAME=VALUE"),
+        ("heaps", {}, ["far=1"], "segmentor 'heaps' does not take these parameters"),
+        ("heaps", {"--eps": 1.0}, [], "--eps is given with --method heaps, allowed: --set NAME=VALUE"),
+        ("proximity", {"--distance": 1.0}, ["apart=1"], "--set apart=1 is given with --method proximity"),
+    ],
+)
+def test_wrong_options_of_plug_ins(method: str, given: dict[str, Any], settings: list[str], message: str) -> None:
+    with pytest.raises(ss.InvalidParameter, match=message):
+        chosen(method, given, settings)
+
+
+@pytest.mark.usefixtures("installed")
+def test_settings_are_numbers_or_text() -> None:
+    made = chosen("sklearn-dbscan", {}, ["eps=2.5", "min_samples=7", "metric=manhattan", "p=None"])
+    assert (made.eps, made.min_samples, made.metric, made.p) == (2.5, 7, "manhattan", None)

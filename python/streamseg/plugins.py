@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint, entry_points
+import functools
+import inspect
+from importlib.metadata import entry_points
 from typing import Any
 
 from .errors import InvalidParameter
@@ -12,19 +14,21 @@ GROUP = "streamseg.segmentors"
 
 def plugin_names() -> list[str]:
     """Name the segmentors that installed packages announce under the entry points ``streamseg.segmentors``."""
-    return sorted(_entries())
+    return sorted(entry_points(group=GROUP).names)
 
 
 def plugin(name: str, **parameters: Any) -> Any:
     """Make a segmentor that an installed package announces.
+
+    What the package announces is a class, or a function that returns a segmentor; or, if its first parameter is called
+    ``window``, a function that is a segmentor itself.
 
     Parameters
     ----------
     name : str
         One of `plugin_names`.
     **parameters
-        Handed to what the entry point names: a class, or a function that returns a segmentor. If there are none and it
-        is a function of the window (it has an attribute ``is_segmentor``), it is the segmentor itself.
+        Handed to the class or function; a function of the window gets them with each window.
 
     Returns
     -------
@@ -34,7 +38,7 @@ def plugin(name: str, **parameters: Any) -> Any:
     Raises
     ------
     InvalidParameter
-        If no package announces that name, or it does not take the parameters.
+        If no package announces that name, or several do; if it cannot be loaded, or does not take the parameters.
 
     Examples
     --------
@@ -42,18 +46,40 @@ def plugin(name: str, **parameters: Any) -> Any:
     >>> isinstance(ss.plugin_names(), list)
     True
     """
-    entries = _entries()
-    if name not in entries:
-        there = ", ".join(sorted(entries)) or "none"
-        raise InvalidParameter(f"segmentor '{name}' is announced by no installed package; there are: {there}")
-    made = entries[name].load()
-    if getattr(made, "is_segmentor", False):
-        return made
+    announced = _load(name)
     try:
-        return made(**parameters)
+        if _is_of_window(announced):
+            return _with_parameters(announced, parameters)
+        return announced(**parameters)
     except TypeError as error:
         raise InvalidParameter(f"segmentor '{name}' does not take these parameters: {error}") from error
 
 
-def _entries() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+def _load(name: str) -> Any:
+    entries = tuple(entry_points(group=GROUP, name=name))
+    if not entries:
+        there = ", ".join(plugin_names()) or "none"
+        raise InvalidParameter(f"segmentor '{name}' is announced by no installed package; there are: {there}")
+    if len(entries) > 1:
+        packages = " and ".join(sorted(entry.dist.name if entry.dist else entry.value for entry in entries))
+        raise InvalidParameter(f"segmentor '{name}' is announced by {packages}; uninstall all but one of them")
+    try:
+        return entries[0].load()
+    except (ImportError, AttributeError) as error:
+        raise InvalidParameter(f"segmentor '{name}' cannot be loaded from {entries[0].value}: {error}") from error
+
+
+def _is_of_window(announced: Any) -> bool:
+    """Whether it is a function of the window, not something that makes a segmentor."""
+    if inspect.isclass(announced):
+        return False
+    try:
+        return next(iter(inspect.signature(announced).parameters), None) == "window"
+    except (TypeError, ValueError):  # not callable, or compiled without a signature
+        return False
+
+
+def _with_parameters(segmentor: Any, parameters: dict[str, Any]) -> Any:
+    """Bind the parameters; its name and what else the function has, such as `attributes`, stay."""
+    inspect.signature(segmentor).bind("window", **parameters)
+    return functools.update_wrapper(functools.partial(segmentor, **parameters), segmentor)

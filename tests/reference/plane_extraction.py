@@ -98,9 +98,7 @@ class Extraction(NamedTuple):
                 patches.append(grown)
         return patches
 
-    def grow(
-        self, seed: int, free: NDArray[np.bool_], takes_part: NDArray[np.bool_]
-    ) -> tuple[Plane, list[int]] | None:
+    def grow(self, seed: int, free: NDArray[np.bool_], takes_part: NDArray[np.bool_]) -> tuple[Plane, list[int]] | None:
         """Grow one plane, and settle what belongs to it."""
         around = [i for i in self.neighbors(seed) if takes_part[i]]
         plane = Plane(self.points[around].mean(axis=0), self.normals[seed], 0.0)
