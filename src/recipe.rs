@@ -223,6 +223,10 @@ impl Segmentor for Recipe {
 
     fn exactness(&self) -> Exactness {
         let stages = &self.ingredients.stages;
+        if total_halo(stages) == f64::INFINITY {
+            // Such as statistics of what has come so far: they depend on how the cloud is cut.
+            return Exactness::Measured { reach: f64::INFINITY };
+        }
         let halo = total_halo(stages) + self.feature_reach();
         let displacement: f64 = stages.iter().map(|stage| stage.displacement()).sum();
         self.ingredients.segmentor.exactness().with_halo(halo).with_reach(2.0 * displacement)

@@ -2,16 +2,20 @@
 
 import doctest
 import importlib
+import inspect
 import pkgutil
 import re
+import shlex
 import subprocess
 import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import streamseg as ss
+from streamseg.cli.methods import METHODS
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -38,7 +42,7 @@ def test_the_readme_tells_the_commands_that_there_are(tmp_path: Path) -> None:
     commands = re.findall(r"^(streamseg [^#\n]*)", text, re.M)
     assert len(commands) >= 5
     for command in commands:
-        words = command.split()
+        words = shlex.split(command)
         done = subprocess.run(
             [sys.executable, "-m", "streamseg", *words[1:]], cwd=tmp_path, capture_output=True, text=True
         )
@@ -46,10 +50,69 @@ def test_the_readme_tells_the_commands_that_there_are(tmp_path: Path) -> None:
     assert (tmp_path / "labelled.png").stat().st_size > 1000
 
 
+def test_the_readme_has_a_command_for_every_segmentor(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text()
+    ss.scenes.write(tmp_path / "strip.laz", "airborne", 20_000)
+    options = [shlex.split(words) for words in re.findall(r"^\| \[`.*\| `(--[^`]*)` \|", text, re.M)]
+    assert sorted(words[1] for words in options) == ["1", *sorted(set(METHODS) - {"proximity"})]
+    for words in options:
+        command = [sys.executable, "-W", "error", "-m", "streamseg", "segment", "strip.laz", "out.laz", "--overwrite"]
+        done = subprocess.run([*command, *words], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, f"{words}: {done.stderr}"
+
+
+def in_words(run: ss.Stream) -> str:
+    return f"{run.exactness}, identical" if run.is_identical else run.exactness
+
+
+def test_exactness_is_what_the_table_says() -> None:
+    text = (ROOT / "docs" / "exactness.md").read_text()
+    rows = re.findall(r"^\| `([^`]+)` \| ([^|]+) \| ([^|]+) \|", text, re.M)
+    assert len(rows) >= 10
+    known = {**vars(ss), "d": 1.0, "r": 1.0, "eps": 1.0, "your_own": lambda window: [0] * len(window)}
+    cloud = np.zeros((1, 3))
+    for code, by_width, in_stream_order in rows:
+        segmentor = eval(code, known)
+        assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0))) == by_width, code
+        assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByCount(50))) == in_stream_order, code
+    running = ss.StatisticalOutlierRemoval(statistics="running")
+    for segmentor in (ss.Proximity(1.0, graph="radius"), ss.Dbscan(1.0), ss.RegionGrowing(search_radius=1.0)):
+        preprocessed = in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0), preprocess=ss.VoxelGrid(1.0)))
+        assert preprocessed == "B, identical"
+        assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0), preprocess=running)) == "C"
+    assert in_words(ss.stream(cloud, ss.Proximity(1.0), preprocess=ss.VoxelGrid(1.0))) == "C"
+
+
+def heading_anchors(page: Path) -> set[str]:
+    """Name the headings of a page as links do."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 def test_links_between_pages_lead_somewhere() -> None:
-    for page in [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md"]:
-        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
-            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+    for page in [*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md", ROOT / "BENCHMARKS.md"]:
+        for target, anchor in re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", page.read_text()):
+            place = page.parent / target if target else page
+            assert place.exists(), f"{page.name} links to {target}"
+            assert not anchor or anchor in heading_anchors(place), f"{page.name} links to {target}#{anchor}"
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    found, waiting = set(), [ROOT / "README.md"]
+    while waiting:
+        page = waiting.pop()
+        if page not in found:
+            found.add(page)
+            targets = re.findall(r"\]\(([^)#:]+\.md)[)#]", page.read_text())
+            waiting += [(page.parent / target).resolve() for target in targets]
+    assert set(PAGES) <= found
+
+
+def test_every_segmentor_has_a_page() -> None:
+    pages = {page.stem for page in (ROOT / "docs" / "segmentors").glob("*.md")}
+    names = [name for name in ss.__all__ if isinstance(getattr(ss, name), type)]
+    built_in = [name for name in names if issubclass(getattr(ss, name), ss.Segmentor) and name != "Segmentor"]
+    assert {re.sub(r"(?<!^)(?=[A-Z])", "-", name).lower() for name in built_in} | {"your-own", "options"} <= pages
 
 
 MODULES = ["streamseg", *(name for _, name, _ in pkgutil.walk_packages(ss.__path__, "streamseg."))]
@@ -69,11 +132,18 @@ def test_everything_public_is_documented(name: str) -> None:
     public = getattr(ss, name)
     assert public.__doc__ is not None
     if callable(public) and name[0].islower():
-        assert "Parameters\n" in public.__doc__ or "Parameters" in public.__doc__
+        assert "Parameters\n" in public.__doc__ or not inspect.signature(public).parameters
         assert "Examples" in public.__doc__ or name == "preview"
 
 
-@pytest.mark.parametrize("name", ["Proximity", "SpanByWidth", "SpanByCount", "SpanByTime", "SpanByScanLine", "Window"])
+COMPILED = [
+    *["ConditionalClustering", "Dbscan", "PlaneExtraction", "Proximity", "RegionGrowing"],
+    *["RadiusOutlierRemoval", "StatisticalOutlierRemoval", "VoxelGrid"],
+    *["SpanByCount", "SpanByScanLine", "SpanByTime", "SpanByWidth", "Window"],
+]
+
+
+@pytest.mark.parametrize("name", COMPILED)
 def test_examples_of_the_compiled_classes(name: str) -> None:
     # doctest does not look into compiled modules by itself.
     tests = doctest.DocTestFinder(recurse=False).find(getattr(ss, name), name, module=False, globs=dict(vars(ss)))

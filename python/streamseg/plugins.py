@@ -13,7 +13,19 @@ GROUP = "streamseg.segmentors"
 
 
 def plugin_names() -> list[str]:
-    """Name the segmentors that installed packages announce under the entry points ``streamseg.segmentors``."""
+    """Name the segmentors that installed packages announce under the entry points ``streamseg.segmentors``.
+
+    Returns
+    -------
+    list of str
+        Names for `plugin` and for ``--method``, in alphabetical order.
+
+    Examples
+    --------
+    >>> import streamseg as ss
+    >>> "no such name" in ss.plugin_names()
+    False
+    """
     return sorted(entry_points(group=GROUP).names)
 
 
@@ -43,8 +55,7 @@ def plugin(name: str, **parameters: Any) -> Any:
     Examples
     --------
     >>> import streamseg as ss
-    >>> isinstance(ss.plugin_names(), list)
-    True
+    >>> names = ss.plugin_names()  # then, with one of them: segmentor = ss.plugin(name)
     """
     announced = _load(name)
     try:
