@@ -192,7 +192,10 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
             ({"min_segment_size": 0}, "min_segment_size is 0, allowed: "),
             ({"min_segment_size": -5}, "min_segment_size is -5, allowed: "),
             ({"max_segment_size": 0}, "max_segment_size is 0 with a min_segment_size of "),
-            ({"min_segment_size": 200, "max_segment_size": 150}, "max_segment_size is 150 with a min_segment_size of 200, allowed: "),
+            (
+                {"min_segment_size": 200, "max_segment_size": 150},
+                "max_segment_size is 150 with a min_segment_size of 200, allowed: ",
+            ),
             ({"sort": "upward"}, "sort is 'upward', allowed: 'native', 'ascending' or 'descending'"),
             ({"normals": "best"}, "normals is 'best', allowed: 'least_squares' or 'robust'"),
             ({"filter": "Z >"}, "filter, column 4: "),

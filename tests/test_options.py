@@ -209,7 +209,9 @@ def test_names_whatever_their_case_and_underscores(spelling: str) -> None:
     values = np.random.default_rng(3).integers(0, 4, len(points))
     segmentor = ss.ConditionalClustering("Intensity == n[0].Intensity", search_radius=1.0, min_segment_size=1)
     if spelling.startswith("n_"):
-        with pytest.raises(ss.InvalidParameter, match="column 1: there is no attribute 'Intensity'.*there are: .*n_inten"):
+        with pytest.raises(
+            ss.InvalidParameter, match="column 1: there is no attribute 'Intensity'.*there are: .*n_inten"
+        ):
             ss.segment_static(points, segmentor, attributes={spelling: values})
         return
     expected = clusters(len(points), near(points, 1.0), {"i": values}, lambda p, n: p["i"] == n["i"])
@@ -238,7 +240,9 @@ def test_features_need_a_neighborhood() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [np.zeros(99), np.zeros((100, 1)), np.array(["a"] * 100), np.zeros(100, complex)], ids=lambda v: str(v.dtype)
+    "values",
+    [np.zeros(99), np.zeros((100, 1)), np.array(["a"] * 100), np.zeros(100, complex)],
+    ids=lambda v: str(v.dtype),
 )
 def test_attributes_that_are_no_columns_are_refused(values: NDArray[Any]) -> None:
     with pytest.raises(ss.InvalidInput, match="Depth"):
@@ -361,9 +365,7 @@ def test_options_after_outliers_are_removed(name: str) -> None:
     counts = np.array([len(found) for found in cKDTree(points).query_ball_point(points, 0.8)]) - 1
     kept = (counts >= 6) & (points[:, 2] < 4.2)
     segmentor = PLAIN[name](filter="Z < 4.2", min_segment_size=4, sort="descending")
-    expected = spread(
-        ss.segment_static(points[kept], PLAIN[name](min_segment_size=4, sort="descending")), kept
-    )
+    expected = spread(ss.segment_static(points[kept], PLAIN[name](min_segment_size=4, sort="descending")), kept)
     for labels in both(points, segmentor, preprocess=ss.RadiusOutlierRemoval(0.8, 6)):
         if name == "proximity":
             assert np.count_nonzero(labels != expected) < 0.05 * len(points)

@@ -128,20 +128,23 @@ def stages(outliers: str | None, lonely: str | None, voxel: float | None) -> lis
     """Make the steps before the segmentor, in the order in which they make sense."""
     made: list[Any] = []
     if outliers is not None:
-        k, multiplier, dialect = (*outliers.split(","), "", "")[:3]
-        more: dict[str, Any] = {}
-        if multiplier:
-            more["multiplier"] = _number("--outliers", multiplier)
-        if dialect:
-            more["dialect"] = dialect
-        made.append(StatisticalOutlierRemoval(int(_number("--outliers", k)), **more))
+        k, *rest = _parts("--outliers", outliers, "K or K,MULTIPLIER or K,MULTIPLIER,DIALECT", most=3)
+        multiplier = [_number("--outliers", text) for text in rest[:1]]
+        made.append(StatisticalOutlierRemoval(_whole("--outliers", k), *multiplier, *rest[1:]))
     if lonely is not None:
-        radius, neighbors = (*lonely.split(","), "")[:2]
-        count: dict[str, Any] = {"min_neighbors": int(_number("--lonely", neighbors))} if neighbors else {}
-        made.append(RadiusOutlierRemoval(_number("--lonely", radius), **count))
+        radius, *rest = _parts("--lonely", lonely, "RADIUS or RADIUS,NEIGHBORS", most=2)
+        neighbors = [_whole("--lonely", text) for text in rest]
+        made.append(RadiusOutlierRemoval(_number("--lonely", radius), *neighbors))
     if voxel is not None:
         made.append(VoxelGrid(voxel))
     return made
+
+
+def _parts(option: str, text: str, allowed: str, most: int) -> list[str]:
+    parts = text.split(",")
+    if len(parts) > most:
+        raise InvalidParameter(f"{option} is '{text}', allowed: {allowed}")
+    return parts
 
 
 def _number(option: str, text: str) -> float:
@@ -149,3 +152,10 @@ def _number(option: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise InvalidParameter(f"{option} has '{text}' where a number is needed") from None
+
+
+def _whole(option: str, text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise InvalidParameter(f"{option} has '{text}' where a whole number is needed") from None
