@@ -1,4 +1,4 @@
-"""Conditional clustering beside NumPy: criteria on measured clouds, search modes, seeds, and any text as a criterion."""
+"""Conditional clustering beside NumPy: criteria on measured clouds, search modes, seeds, any text as a criterion."""
 
 from __future__ import annotations
 
@@ -214,7 +214,70 @@ def test_streamed_is_static_on_measured_clouds(data: Path, name: str, criterion:
 
 # Any text.
 
-WORDS = ["Z", "n[0].Z", "[Pulse", "width]", "n[0].", "n[1].Z", "dist", "angle", "dz", "0.15", "1e308", "1e999", "0", "pi", "invalid", "true", "and", "or", "not", "AND", "||", "&&", "!", "(", ")", "<", "<=", "==", "!=", "<>", "=", "+", "-", "*", "/", "%", "^", "?", ":", ",", "abs(", "min(", "max(", "sqrt(", "Class[2]", "Class[", "Region[0", "0", "1", "0", "1", "1]", "Region[0", "Generic[", "]", "[", "É", "\n", "\x00", "valid(", "Intensity", "atan2("]
+WORDS = [
+    "Z",
+    "n[0].Z",
+    "[Pulse",
+    "width]",
+    "n[0].",
+    "n[1].Z",
+    "dist",
+    "angle",
+    "dz",
+    "0.15",
+    "1e308",
+    "1e999",
+    "0",
+    "pi",
+    "invalid",
+    "true",
+    "and",
+    "or",
+    "not",
+    "AND",
+    "||",
+    "&&",
+    "!",
+    "(",
+    ")",
+    "<",
+    "<=",
+    "==",
+    "!=",
+    "<>",
+    "=",
+    "+",
+    "-",
+    "*",
+    "/",
+    "%",
+    "^",
+    "?",
+    ":",
+    ",",
+    "abs(",
+    "min(",
+    "max(",
+    "sqrt(",
+    "Class[2]",
+    "Class[",
+    "Region[0",
+    "0",
+    "1",
+    "0",
+    "1",
+    "1]",
+    "Region[0",
+    "Generic[",
+    "]",
+    "[",
+    "É",
+    "\n",
+    "\x00",
+    "valid(",
+    "Intensity",
+    "atan2(",
+]
 
 
 def texts(random: np.random.Generator) -> list[str]:
