@@ -104,6 +104,8 @@ def test_the_page_tells_every_parameter_and_its_default(method: str) -> None:
     page = (DOCS / "segmentors" / f"{PAGES[method]}.md").read_text()
     kind = CLASSES[method]
     made = kind(**NEEDED.get(method, {}))
+    # Nothing, as tables have it.
+    dash = "\N{EN DASH}"
     rows = dict(re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|", page, re.M))
     for name, parameter in inspect.signature(kind).parameters.items():
         if name == "options":
@@ -111,9 +113,9 @@ def test_the_page_tells_every_parameter_and_its_default(method: str) -> None:
         assert name in rows, f"{page[:40]}… has no row for {name}"
         told = rows[name].strip().strip("`").strip('"')
         if name in NEEDED.get(method, {}):
-            assert told in ("–", "needed", "required")
+            assert told in (dash, "needed", "required")
         elif parameter.default is None and getattr(made, name) is None:
-            assert told.lower() in ("none", "–")
+            assert told.lower() in ("none", dash)
         elif isinstance(getattr(made, name), float):
             assert re.match(rf"{getattr(made, name):g}\b", told) or not re.match(r"[\d.]", told)
         else:

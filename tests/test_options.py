@@ -210,7 +210,7 @@ def test_names_whatever_their_case_and_underscores(spelling: str) -> None:
     segmentor = ss.ConditionalClustering("Intensity == n[0].Intensity", search_radius=1.0, min_segment_size=1)
     if spelling.startswith("n_"):
         with pytest.raises(
-            ss.InvalidParameter, match="column 1: there is no attribute 'Intensity'.*there are: .*n_inten"
+            ss.InvalidParameter, match=r"column 1: there is no attribute 'Intensity'.*there are: .*n_inten"
         ):
             ss.segment_static(points, segmentor, attributes={spelling: values})
         return
@@ -235,7 +235,7 @@ def test_a_missing_attribute_is_told_with_its_column_and_what_there_is() -> None
 
 
 def test_features_need_a_neighborhood() -> None:
-    with pytest.raises(ss.StreamsegError, match="NormalZ is no attribute of the cloud, and .* has no neighborhood"):
+    with pytest.raises(ss.StreamsegError, match=r"NormalZ is no attribute of the cloud, and .* has no neighborhood"):
         ss.segment_static(houses(34, 50), ss.Proximity(1.0, filter="NormalZ > 0.5"))
 
 
