@@ -40,7 +40,7 @@ test-rust: check-tools ## the core, without Python
 	LOOM_MAX_PREEMPTIONS=2 RUSTFLAGS="--cfg loom" cargo test --quiet --profile model --target-dir target/loom --test weaver_model
 
 test-python: $(BUILT) $(TOOLS) ## the package, on real clouds too (STREAMSEG_DATA)
-	$(BIN)/python -m pytest --quiet
+	$(BIN)/python -m pytest --quiet --numprocesses auto --dist loadfile
 
 bench: check-tools ## points per second of segmentor, weaver and pipeline
 	cargo bench

@@ -200,7 +200,7 @@ def test_spans_come_out_before_the_failure_whatever_the_result(result: str) -> N
     failure_of(answering(lambda _: None), ss.SegmentorError, 1, result)
 
 
-@pytest.mark.parametrize("thing", [DBSCAN, "proximity", 2.5, None, object()], ids=repr)
+@pytest.mark.parametrize("thing", [DBSCAN, "proximity", 2.5, None, object()], ids=lambda value: type(value).__name__)
 def test_what_is_no_segmentor_is_refused(thing: Any) -> None:
     allowed = r"allowed: a segmentor of streamseg, an object with fit_predict\(X\), or a function of the window"
     for call in (ss.stream, ss.segment, ss.segment_static):

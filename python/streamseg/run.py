@@ -122,7 +122,7 @@ def stream(
             "segmentor": repr(segmentor),
             "spans": repr(spans),
             "window": repr(window or Window()),
-            "preprocess": repr(preprocess),
+            **({"preprocess": repr(preprocess)} if preprocess else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
