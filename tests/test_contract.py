@@ -169,6 +169,7 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("conditional", {"search_radius": (), "search_mode": "2.5d"}, "search_radius"),
     ("conditional", {"search_radius": (1, 2, 3, 4), "search_mode": "2.5d"}, "search_radius"),
     ("conditional", {"search_radius": (1, 2, -3), "search_mode": "2.5d"}, "search_radius"),
+    ("conditional", {"search_radius": "wide"}, "search_radius is 'wide', allowed: a length, or up to three"),
     ("conditional", {"search_mode": "4d"}, "search_mode is '4d', allowed: '2d', '2.5d' or '3d'"),
     ("planes", {"search_radius": -1.0}, "search_radius is -1, allowed: a finite number above 0"),
     ("planes", {"max_distance": 0.0}, "max_distance is 0, allowed: a finite number above 0"),

@@ -249,6 +249,17 @@ def test_attributes_that_are_no_columns_are_refused(values: NDArray[Any]) -> Non
         ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0, filter="Depth > 3"), attributes={"Depth": values})
 
 
+def test_attributes_with_one_name_are_refused() -> None:
+    given = {"Depth": np.zeros(100), "return_number": np.zeros(100), "ReturnNumber": np.ones(100)}
+    with pytest.raises(ss.InvalidInput, match="'return_number' and 'ReturnNumber', which are one name"):
+        ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0), attributes=given)
+
+
+def test_a_live_source_takes_no_arrays_beside_it() -> None:
+    with pytest.raises(ss.InvalidInput, match=r"attributes is a mapping, expected names, .*'Depth'"):
+        ss.segment(iter([np.zeros((9, 3))]), ss.Proximity(1.0), attributes={"Depth": np.zeros(9)})
+
+
 def test_what_is_not_a_number_is_invalid() -> None:
     points = houses(36)
     random = np.random.default_rng(4)
