@@ -40,9 +40,10 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 
     def run(*words: object) -> Done:
         monkeypatch.setattr(sys, "argv", ["streamseg", *map(str, words)])
-        with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
+        with warnings.catch_warnings():
             warnings.simplefilter("default")
-            main()
+            with pytest.raises(SystemExit) as ended:
+                main()
         told = capsys.readouterr()
         code = ended.value.code
         return Done(code if isinstance(code, int) else 0, told.out, told.err)
@@ -95,8 +96,8 @@ METHOD_OPTIONS: list[tuple[str, Any]] = [
     ),
     ("--method planes", ss.PlaneExtraction()),
     (
-        f"--method planes --search-radius 1.5 --max-distance 0.2 --max-sigma 0.1 --angle 15 --seed-calculator '{CALCULATOR}'"
-        " --min-size 10",
+        f"--method planes --search-radius 1.5 --max-distance 0.2 --max-sigma 0.1 --angle 15"
+        f" --seed-calculator '{CALCULATOR}' --min-size 10",
         ss.PlaneExtraction(
             1.5, max_distance=0.2, max_sigma=0.1, min_angle_deg=15.0, seed_calculator=CALCULATOR, min_segment_size=10
         ),

@@ -104,6 +104,8 @@ def test_the_page_tells_every_parameter_and_its_default(method: str) -> None:
     page = (DOCS / "segmentors" / f"{PAGES[method]}.md").read_text()
     kind = CLASSES[method]
     made = kind(**NEEDED.get(method, {}))
+    # Nothing, as tables have it.
+    dash = "\N{EN DASH}"
     rows = dict(re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|", page, re.M))
     for name, parameter in inspect.signature(kind).parameters.items():
         if name == "options":
@@ -111,9 +113,9 @@ def test_the_page_tells_every_parameter_and_its_default(method: str) -> None:
         assert name in rows, f"{page[:40]}… has no row for {name}"
         told = rows[name].strip().strip("`").strip('"')
         if name in NEEDED.get(method, {}):
-            assert told in ("–", "needed", "required")
+            assert told in (dash, "needed", "required")
         elif parameter.default is None and getattr(made, name) is None:
-            assert told.lower() in ("none", "–")
+            assert told.lower() in ("none", dash)
         elif isinstance(getattr(made, name), float):
             assert re.match(rf"{getattr(made, name):g}\b", told) or not re.match(r"[\d.]", told)
         else:
@@ -167,6 +169,7 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("conditional", {"search_radius": (), "search_mode": "2.5d"}, "search_radius"),
     ("conditional", {"search_radius": (1, 2, 3, 4), "search_mode": "2.5d"}, "search_radius"),
     ("conditional", {"search_radius": (1, 2, -3), "search_mode": "2.5d"}, "search_radius"),
+    ("conditional", {"search_radius": "wide"}, "search_radius is 'wide', allowed: a length, or up to three"),
     ("conditional", {"search_mode": "4d"}, "search_mode is '4d', allowed: '2d', '2.5d' or '3d'"),
     ("planes", {"search_radius": -1.0}, "search_radius is -1, allowed: a finite number above 0"),
     ("planes", {"max_distance": 0.0}, "max_distance is 0, allowed: a finite number above 0"),

@@ -210,7 +210,7 @@ def test_names_whatever_their_case_and_underscores(spelling: str) -> None:
     segmentor = ss.ConditionalClustering("Intensity == n[0].Intensity", search_radius=1.0, min_segment_size=1)
     if spelling.startswith("n_"):
         with pytest.raises(
-            ss.InvalidParameter, match="column 1: there is no attribute 'Intensity'.*there are: .*n_inten"
+            ss.InvalidParameter, match=r"column 1: there is no attribute 'Intensity'.*there are: .*n_inten"
         ):
             ss.segment_static(points, segmentor, attributes={spelling: values})
         return
@@ -235,7 +235,7 @@ def test_a_missing_attribute_is_told_with_its_column_and_what_there_is() -> None
 
 
 def test_features_need_a_neighborhood() -> None:
-    with pytest.raises(ss.StreamsegError, match="NormalZ is no attribute of the cloud, and .* has no neighborhood"):
+    with pytest.raises(ss.StreamsegError, match=r"NormalZ is no attribute of the cloud, and .* has no neighborhood"):
         ss.segment_static(houses(34, 50), ss.Proximity(1.0, filter="NormalZ > 0.5"))
 
 
@@ -247,6 +247,17 @@ def test_features_need_a_neighborhood() -> None:
 def test_attributes_that_are_no_columns_are_refused(values: NDArray[Any]) -> None:
     with pytest.raises(ss.InvalidInput, match="Depth"):
         ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0, filter="Depth > 3"), attributes={"Depth": values})
+
+
+def test_attributes_with_one_name_are_refused() -> None:
+    given = {"Depth": np.zeros(100), "return_number": np.zeros(100), "ReturnNumber": np.ones(100)}
+    with pytest.raises(ss.InvalidInput, match="'return_number' and 'ReturnNumber', which are one name"):
+        ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0), attributes=given)
+
+
+def test_a_live_source_takes_no_arrays_beside_it() -> None:
+    with pytest.raises(ss.InvalidInput, match=r"attributes is a mapping, expected names, .*'Depth'"):
+        ss.segment(iter([np.zeros((9, 3))]), ss.Proximity(1.0), attributes={"Depth": np.zeros(9)})
 
 
 def test_what_is_not_a_number_is_invalid() -> None:

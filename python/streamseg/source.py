@@ -66,6 +66,11 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     if hasattr(source, "__array__") or _is_nested_list(source):
         return _of_array(_as_array(source), attributes or {})
     if isinstance(source, Iterable) and not isinstance(source, bytes):
+        if isinstance(attributes, Mapping):
+            raise InvalidInput(
+                "attributes is a mapping, expected names, because the items of a live source bring theirs along: "
+                f"(points, {{{next(iter(attributes), 'Intensity')!r}: …}})"
+            )
         return _of_iterable(source, attributes or ())
     raise InvalidInput(
         f"source is {type(source).__name__}, allowed: a path, several paths, an (n, 3) array, or an iterable of arrays"
@@ -129,6 +134,8 @@ def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
             f"attributes is a {given}, expected a mapping of name to (n,) array, such as {{'Intensity': …}}"
         )
     columns = {name: _column(name, values, len(points)) for name, values in attributes.items()}
+    if twins := _twins(columns):
+        raise InvalidInput(f"attributes has {' and '.join(map(repr, twins))}, which are one name; give one of them")
 
     def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         wanted = [_found(columns, name) for name in names]
@@ -163,6 +170,14 @@ def _found(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
             return column
     given = ", ".join(columns) or "none"
     raise InvalidInput(f"the attribute {name!r} is needed (attributes={{{name!r}: …}}), given: {given}")
+
+
+def _twins(names: Iterable[str]) -> list[str]:
+    """Names that are the same whatever their case and underscores; none if all differ."""
+    by_letters: dict[str, list[str]] = {}
+    for name in names:
+        by_letters.setdefault(_letters(name), []).append(name)
+    return next((twins for twins in by_letters.values() if len(twins) > 1), [])
 
 
 def _letters(name: str) -> str:

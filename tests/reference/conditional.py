@@ -21,7 +21,7 @@ Criterion = Callable[[Mapping[str, Numbers], Mapping[str, Numbers]], NDArray[np.
 def near(
     points: NDArray[Any], radius: float, *, flat: bool = False, low: float | None = None, high: float | None = None
 ) -> Pairs:
-    """Pairs (p, n) within the radius, borders included, each once with p < n; in a cylinder, where n is from low to high."""
+    """Pairs (p, n) within the radius, borders included, p < n; in a cylinder those where n is from low to high of p."""
     axes = 2 if flat or low is not None else 3
     pairs = cKDTree(points[:, :axes]).query_pairs(radius * (1 + 1e-9), output_type="ndarray")
     difference = points[pairs[:, 1]] - points[pairs[:, 0]]

@@ -97,7 +97,7 @@ def houses(seed: int, count: int = 1500, step: float | None = 0.125) -> Position
     pieces = [np.column_stack([ground, 0.05 * ground[:, 0]])]
     for east, north in random.uniform((0, 0), (20, 6), (4, 2)):
         roof = random.uniform((0, 0), (4, 4), (count // 10, 2))
-        pieces.append(np.column_stack([roof + (east, north), 5.0 - 0.5 * abs(roof[:, 1] - 2.0)]))
+        pieces.append(np.column_stack([roof + np.array([east, north]), 5.0 - 0.5 * abs(roof[:, 1] - 2.0)]))
     heaps = random.uniform((0, 0, 1), (24, 10, 4), (6, 3))
     pieces.append((heaps[:, None] + random.normal(0, 0.4, (6, count // 60, 3))).reshape(-1, 3))
     points = np.concatenate(pieces)

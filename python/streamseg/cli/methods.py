@@ -129,8 +129,10 @@ def stages(outliers: str | None, lonely: str | None, voxel: float | None) -> lis
     made: list[Any] = []
     if outliers is not None:
         k, *rest = _parts("--outliers", outliers, "K or K,MULTIPLIER or K,MULTIPLIER,DIALECT", most=3)
-        multiplier = [_number("--outliers", text) for text in rest[:1]]
-        made.append(StatisticalOutlierRemoval(_whole("--outliers", k), *multiplier, *rest[1:]))
+        more: dict[str, Any] = {"multiplier": _number("--outliers", rest[0])} if rest else {}
+        if rest[1:]:
+            more["dialect"] = rest[1]
+        made.append(StatisticalOutlierRemoval(_whole("--outliers", k), **more))
     if lonely is not None:
         radius, *rest = _parts("--lonely", lonely, "RADIUS or RADIUS,NEIGHBORS", most=2)
         neighbors = [_whole("--lonely", text) for text in rest]

@@ -11,6 +11,7 @@ use pyo3::{IntoPyObjectExt, exceptions::PyTypeError};
 
 use crate::expression::Filter;
 use crate::features::Fit;
+use crate::python::errors::InvalidParameter;
 use crate::segmentor::Segmentor;
 use crate::size::{SizeLimits, Sort};
 
@@ -220,8 +221,12 @@ pub(in super::super) fn value<'py>(py: Python<'py>, value: impl IntoPyObjectExt<
 /// A search as it was given: `search_radius` as a number or a tuple of numbers.
 pub(in super::super) fn radius(py: Python<'_>, given: Option<&Bound<'_, PyAny>>) -> PyResult<Py<PyAny>> {
     let Some(given) = given else { return Ok(py.None()) };
-    match given.extract::<f64>() {
-        Ok(number) => number.into_py_any(py),
-        Err(_) => PyTuple::new(py, given.extract::<Vec<f64>>()?)?.into_py_any(py),
+    if let Ok(number) = given.extract::<f64>() {
+        return number.into_py_any(py);
     }
+    let Ok(numbers) = given.extract::<Vec<f64>>() else {
+        let given = given.repr()?;
+        return Err(InvalidParameter::new_err(format!("search_radius is {given}, allowed: a length, or up to three")));
+    };
+    PyTuple::new(py, numbers)?.into_py_any(py)
 }
