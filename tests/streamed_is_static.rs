@@ -170,9 +170,10 @@ proptest! {
         }
     }
 
-    /// With lengths in space, what is joined is bounded by the pairs that are in every and in some triangulation.
+    /// With lengths in space, pairs that are in some triangulation are joined, whichever the triangulator has chosen. Where
+    /// rounding has moved places apart from their common circle, those that are in every triangulation are sure.
     #[test]
-    fn in_space_static_lies_between_strictly_and_weakly_delaunay(
+    fn in_space_static_is_canonical(
         cloud in cloud(), survey in survey(), squared in squared_distance(),
     ) {
         let units = survey.in_units(&cloud);
@@ -182,7 +183,7 @@ proptest! {
             &[Adjacency::Coincident, Adjacency::Strict, Adjacency::Weak][..],
         ].map(|allowed| components(units.len(), pairs_on_the_map(&units, squared, allowed)));
         prop_assert!(refines(&strict, &found), "a pair of every triangulation is missing");
-        prop_assert!(!survey.is_exact_on_the_map() || refines(&found, &weak), "a pair of no triangulation was joined");
+        prop_assert!(!survey.is_exact_on_the_map() || canonical(&found) == canonical(&weak), "not the canonical graph");
     }
 
     /// Class B: a streamed run joins no pair that some triangulation of the whole cloud lacks, and every pair whose

@@ -53,7 +53,7 @@ def test_the_table_names_only_what_there_is() -> None:
 @pytest.mark.parametrize(
     ("pattern", "places"),
     [
-        (r"\bspade::", {"neighborhood/delaunay.rs"}),
+        (r"\bspade::", {"neighborhood/delaunay/*"}),
         (r"\bpest(_derive)?::", {"expression/*"}),
         (r"\bpyo3::|\bnumpy::", {"python/*", "python/*/*"}),
         (r"\bAtomic\w+", {"sync.rs", "weaver/point_segment.rs", "weaver/segment_segment.rs"}),

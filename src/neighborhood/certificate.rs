@@ -51,6 +51,22 @@ impl Loaded {
     }
 }
 
+impl Loaded {
+    /// Whether the circle through three places lies inside.
+    pub fn holds_circle(&self, corners: &[[f64; 2]; 3]) -> bool {
+        let [a, b, c] = corners;
+        let (b, c) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        let [b2, c2] = [b, c].map(|v| v[0] * v[0] + v[1] * v[1]);
+        let cross = 2.0 * (b[0] * c[1] - b[1] * c[0]);
+        let center = [(c[1] * b2 - b[1] * c2) / cross, (b[0] * c2 - c[0] * b2) / cross];
+        let radius = center[0].hypot(center[1]);
+        let along = self.direction[0] * (a[0] + center[0]) + self.direction[1] * (a[1] + center[1]);
+        // What is not sure because of rounding is not proven.
+        let reach = radius + (radius + along.abs()) * 1e-12;
+        self.low <= along - reach && along + reach <= self.high
+    }
+}
+
 /// The interval of t with slope·t + √(h² + t²) ≤ room; (∞, −∞) if there is none.
 fn inside(room: f64, slope: f64, h2: f64) -> (f64, f64) {
     const NEVER: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);

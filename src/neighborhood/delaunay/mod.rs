@@ -4,11 +4,14 @@
 //!    quantised data) become one *stack*, which every triangulator would silently thin out to one point.
 //! 2. Triangulate one vertex per stack, inserting in curve order: on real clouds that is 1.2 to 1.5 times as fast as
 //!    spade's bulk load.
-//! 3. Hand out the triangulation's edges as pairs of stacks.
+//! 3. Hand out the triangulation's edges as pairs of stacks, and all pairs of places on one empty circle ([`cocircular`]):
+//!    together the canonical Delaunay graph, in which two places are neighbors if some circle through both is empty.
 //!
 //! Stacks that all lie on one line have no triangulation, and spade takes quadratic time on them. Their Delaunay edges
 //! are the pairs of consecutive stacks along the line. For the same reason the first three vertices of a triangulation
 //! are chosen not to lie on one line.
+
+mod cocircular;
 
 use std::ops::Range;
 
@@ -18,6 +21,7 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::certificate::Loaded;
 use super::curve::curve_order;
+use cocircular::groups;
 
 /// Which points of a window share a place on the map, and which places are Delaunay neighbors.
 pub struct Delaunay {
@@ -69,7 +73,7 @@ impl Delaunay {
         self.starts[stack as usize] as usize..self.starts[stack as usize + 1] as usize
     }
 
-    /// Calls `visit` once for every pair of neighboring stacks.
+    /// Calls `visit` at least once for every pair of neighboring stacks.
     pub fn for_each_edge(&self, mut visit: impl FnMut(Range<usize>, Range<usize>, Edge<'_>)) {
         match &self.edges {
             Edges::Line(line) => {
@@ -90,6 +94,14 @@ impl Delaunay {
                     let [a, b] = edge.vertices().map(|vertex| stack_of(vertex.index()));
                     visit(self.stack(a), self.stack(b), Edge::OfTriangles(edge.as_directed()));
                 }
+                for group in groups(triangulation) {
+                    for (i, &a) in group.vertices.iter().enumerate() {
+                        for &b in &group.vertices[..i] {
+                            let [a, b] = [a, b].map(stack_of);
+                            visit(self.stack(a), self.stack(b), Edge::OfCircle(group.corners));
+                        }
+                    }
+                }
             }
         }
     }
@@ -99,6 +111,8 @@ impl Delaunay {
 pub enum Edge<'a> {
     /// An edge between consecutive places of a line.
     OfLine([f64; 2], [f64; 2]),
+    /// An edge between two of at least four places on one empty circle through these.
+    OfCircle([[f64; 2]; 3]),
     /// An edge between two triangles, or on the hull.
     OfTriangles(DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>),
 }
@@ -108,6 +122,7 @@ impl Edge<'_> {
     pub fn is_final(&self, loaded: &Loaded) -> bool {
         match self {
             Edge::OfLine(from, to) => loaded.proves(*from, *to, None, None),
+            Edge::OfCircle(corners) => loaded.holds_circle(corners),
             Edge::OfTriangles(edge) => {
                 let place = |point: Point2<f64>| [point.x, point.y];
                 let [from, to] = edge.positions().map(place);
