@@ -225,7 +225,7 @@ impl Segmentor for Recipe {
         let stages = &self.ingredients.stages;
         if total_halo(stages) == f64::INFINITY {
             // Such as statistics of what has come so far: they depend on how the cloud is cut.
-            return Exactness::Measured { reach: f64::INFINITY };
+            return Exactness::Measured { reach: f64::INFINITY, halo: f64::INFINITY };
         }
         let halo = total_halo(stages) + self.feature_reach();
         let displacement: f64 = stages.iter().map(|stage| stage.displacement()).sum();

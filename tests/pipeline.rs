@@ -64,7 +64,7 @@ impl<F: Fn(&Window) -> Result<Labels> + Send + Sync> Segmentor for Says<F> {
     }
 
     fn exactness(&self) -> Exactness {
-        Exactness::Measured { reach: 0.0 }
+        Exactness::Measured { reach: 0.0, halo: 0.0 }
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
@@ -344,7 +344,7 @@ fn a_segmentor_that_is_not_concurrent_is_called_one_at_a_time() {
             "stateful"
         }
         fn exactness(&self) -> Exactness {
-            Exactness::Measured { reach: 0.0 }
+            Exactness::Measured { reach: 0.0, halo: 0.0 }
         }
         fn is_concurrent(&self) -> bool {
             false

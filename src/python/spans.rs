@@ -224,7 +224,8 @@ impl PySpanByScanLine {
     }
 }
 
-/// The spans of a stored cloud if nothing else is asked for: 20 times as wide as the segmentor's reach; if that is not
+/// The spans of a stored cloud if nothing else is asked for: 20 times as wide as the segmentor's reach, at least
+/// as wide as its halo; if that is not
 /// known, wide enough for 100 000 points, where the cloud's number of points and extent along x are known.
 #[pyfunction]
 pub(super) fn default_spans(

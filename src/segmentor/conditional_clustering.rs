@@ -57,7 +57,7 @@ impl Segmentor for ConditionalClustering {
 
     fn exactness(&self) -> Exactness {
         let reach = self.search.reach();
-        if self.is_symmetric { Exactness::ByLocality { reach } } else { Exactness::Measured { reach } }
+        if self.is_symmetric { Exactness::ByLocality { reach } } else { Exactness::Measured { reach, halo: reach } }
     }
 
     fn attributes(&self) -> Vec<String> {

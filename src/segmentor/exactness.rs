@@ -26,8 +26,10 @@ pub enum Exactness {
     },
     /// Class C: no promise; the agreement with the static result has to be measured.
     Measured {
-        /// How far points influence each other at the least; 0 if that is unknown.
+        /// How far apart points that influence each other are at the most; 0 if that is unknown.
         reach: f64,
+        /// How far around a window more is loaded, so that the borders do less harm; ∞ = one span.
+        halo: f64,
     },
 }
 
@@ -64,8 +66,10 @@ impl Exactness {
     /// The spans for a stored cloud if nothing else is asked for.
     pub fn default_spans(self, layout: Option<Layout>) -> SpanBy {
         let by_width = |width| SpanBy::Width { width, direction: Direction::X };
+        // Spans narrower than the halo would be loaded over and over.
+        let halo = if let Halo::Length(halo) = self.halo() { halo } else { 0.0 };
         match (self.reach(), layout) {
-            (reach, _) if reach > 0.0 && reach.is_finite() => by_width(REACHES_PER_SPAN * reach),
+            (reach, _) if reach > 0.0 && reach.is_finite() => by_width(halo.max(REACHES_PER_SPAN * reach)),
             (_, Some(Layout { points, extent })) if extent > 0.0 && points > POINTS_PER_SPAN as u64 => {
                 by_width(extent * POINTS_PER_SPAN as f64 / points as f64)
             }
@@ -79,17 +83,15 @@ impl Exactness {
             Exactness::ByLocality { reach }
             | Exactness::WithHalo { reach, .. }
             | Exactness::Proven { reach }
-            | Exactness::Measured { reach } => reach,
+            | Exactness::Measured { reach, .. } => reach,
         }
     }
 
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
-            Exactness::WithHalo { halo, .. } if halo == f64::INFINITY => Halo::Span,
-            Exactness::WithHalo { halo, .. } if halo > 0.0 => Halo::Length(halo),
-            Exactness::Measured { reach } if reach == f64::INFINITY => Halo::Span,
-            Exactness::Measured { reach } if reach > 0.0 => Halo::Length(reach),
+            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo == f64::INFINITY => Halo::Span,
+            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo > 0.0 => Halo::Length(halo),
             _ => Halo::None,
         }
     }
@@ -101,7 +103,8 @@ impl Exactness {
             _ if more == 0.0 => self,
             Exactness::ByLocality { reach } => Exactness::WithHalo { reach, halo: reach + more },
             Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach, halo: halo + more },
-            Exactness::Proven { reach } | Exactness::Measured { reach } => Exactness::Measured { reach: reach + more },
+            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach + more },
+            Exactness::Measured { reach, halo } => Exactness::Measured { reach, halo: halo + more },
         }
     }
 
@@ -112,7 +115,7 @@ impl Exactness {
             Exactness::ByLocality { reach } => Exactness::ByLocality { reach: reach + more },
             Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach: reach + more, halo },
             Exactness::Proven { reach } => Exactness::Proven { reach: reach + more },
-            Exactness::Measured { reach } => Exactness::Measured { reach: reach + more },
+            Exactness::Measured { reach, halo } => Exactness::Measured { reach: reach + more, halo },
         }
     }
 
@@ -220,7 +223,7 @@ mod tests {
         assert_eq!((halo.class, halo.is_identical), ('B', true));
         let unlimited = assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 1);
         assert_eq!((unlimited.class, unlimited.is_identical, unlimited.warning), ('B', false, None));
-        assert_eq!(assess(Exactness::Measured { reach: 0.0 }, 0.1, 1).class, 'C');
+        assert_eq!(assess(Exactness::Measured { reach: 0.0, halo: 0.0 }, 0.1, 1).class, 'C');
         let by_count = Exactness::ByLocality { reach: 0.3 }.assess(
             SpanBy::Count { points: 9 },
             WindowSize::default(),

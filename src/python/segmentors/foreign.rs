@@ -90,7 +90,7 @@ impl Segmentor for Foreign {
     }
 
     fn exactness(&self) -> Exactness {
-        Exactness::Measured { reach: 0.0 }
+        Exactness::Measured { reach: 0.0, halo: 0.0 }
     }
 
     /// Python objects may keep state between calls.

@@ -138,14 +138,16 @@ impl RegionGrowing {
 
 impl Segmentor for RegionGrowing {
     fn name(&self) -> &'static str {
-        "region_growing"
+        "region growing"
     }
 
     fn exactness(&self) -> Exactness {
         let reach = self.growth.search.reach();
         match self.growth.form {
             Form::OrderFree => Exactness::WithHalo { reach, halo: reach },
-            Form::Literal { .. } => Exactness::Measured { reach: if reach.is_finite() { reach } else { 0.0 } },
+            Form::Literal { .. } => {
+                Exactness::Measured { reach: if reach.is_finite() { reach } else { 0.0 }, halo: reach }
+            }
         }
     }
 
