@@ -131,6 +131,21 @@ impl Proximity {
                 joined.join_neighbors(a, b);
             }
         });
+        // On the map any choice of edges gives the same components; in space the canonical graph is what is meant.
+        if self.metric == Metric::Xyz {
+            let mut pairs = Vec::new();
+            neighbors.for_each_cocircular_pair(
+                |stacks| joined.are_one(stacks),
+                |a, b, edge| {
+                    if loaded.is_none_or(|loaded| edge.is_final(&loaded)) {
+                        pairs.push([a, b]);
+                    }
+                },
+            );
+            for [a, b] in pairs {
+                joined.join_neighbors(a, b);
+            }
+        }
         labels(&joined.sets.into_representatives(), neighbors.order())
     }
 }
@@ -165,6 +180,12 @@ impl Joined {
         if self.within.pair(&self.points[a], &self.points[b]) {
             self.sets.union(a as u32, b as u32);
         }
+    }
+
+    /// Whether all points of the stacks are one segment.
+    fn are_one(&mut self, stacks: [Range<usize>; 4]) -> bool {
+        let first = stacks[0].start as u32;
+        stacks.into_iter().flatten().all(|point| self.sets.same(first, point as u32))
     }
 
     /// Joins the points of two neighboring stacks.

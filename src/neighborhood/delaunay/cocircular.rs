@@ -6,12 +6,14 @@
 //! circle if the far corner of one lies exactly on the circle of the other, by Shewchuk's exact predicate (1997).
 
 use robust::{Coord, incircle};
-use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag};
+use rustc_hash::FxHashSet;
+use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag, VertexHandle};
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
-use crate::union_find::UnionFind;
-
+type Triangles = DelaunayTriangulation<Point2<f64>>;
 type Face = FixedFaceHandle<InnerTag>;
+type Edge<'a> = DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>;
+type Vertex<'a> = VertexHandle<'a, Point2<f64>>;
 
 /// Places on one empty circle.
 pub(super) struct Group {
@@ -21,26 +23,36 @@ pub(super) struct Group {
     pub(super) corners: [[f64; 2]; 3],
 }
 
-/// All groups of four and more places on one empty circle.
-pub(super) fn groups(triangulation: &DelaunayTriangulation<Point2<f64>>) -> Vec<Group> {
-    let edges = triangulation.undirected_edges();
-    let pairs: Vec<[Face; 2]> = edges.filter_map(|edge| same_circle(edge.as_directed())).collect();
-    if pairs.is_empty() {
-        return Vec::new();
+/// The groups of four and more places on one empty circle, but for those in which `is_settled` holds for the four vertices
+/// of any two neighboring triangles.
+pub(super) fn groups(triangulation: &Triangles, mut is_settled: impl FnMut([usize; 4]) -> bool) -> Vec<Group> {
+    let mut known = FxHashSet::default();
+    let mut groups = Vec::new();
+    for edge in triangulation.undirected_edges() {
+        let edge = edge.as_directed();
+        let Some(corners) = corners(edge) else { continue };
+        if is_settled(corners.map(|corner| corner.index())) || !is_one_circle(corners) {
+            continue;
+        }
+        let faces = faces_of_circle(edge, &mut known);
+        groups.extend(faces.first().map(|_| group(triangulation, &faces)));
     }
-    let mut circles = UnionFind::new(triangulation.num_all_faces());
-    for [a, b] in &pairs {
-        circles.union(a.index() as u32, b.index() as u32);
-    }
-    let circles = circles.into_representatives();
-    let mut faces: Vec<Face> = pairs.into_iter().flatten().collect();
-    faces.sort_unstable_by_key(|face| (circles[face.index()], face.index()));
-    faces.dedup();
-    let on_same_circle = |a: &Face, b: &Face| circles[a.index()] == circles[b.index()];
-    faces.chunk_by(on_same_circle).map(|faces| group(triangulation, faces)).collect()
+    groups
 }
 
-fn group(triangulation: &DelaunayTriangulation<Point2<f64>>, faces: &[Face]) -> Group {
+/// The triangles with the circle of the triangle to the left of an edge, none if they are known.
+fn faces_of_circle(edge: Edge<'_>, known: &mut FxHashSet<usize>) -> Vec<Face> {
+    let (mut faces, mut waiting) = (Vec::new(), vec![edge]);
+    while let Some(edge) = waiting.pop() {
+        let Some(face) = edge.face().as_inner().filter(|face| known.insert(face.index())) else { continue };
+        faces.push(face.fix());
+        let on_same_circle = |edge: &Edge<'_>| corners(*edge).is_some_and(is_one_circle);
+        waiting.extend(face.adjacent_edges().into_iter().filter(on_same_circle).map(|edge| edge.rev()));
+    }
+    faces
+}
+
+fn group(triangulation: &Triangles, faces: &[Face]) -> Group {
     let corners = |face: &Face| triangulation.face(*face).vertices();
     let mut vertices: Vec<usize> = faces.iter().flat_map(corners).map(|vertex| vertex.index()).collect();
     vertices.sort_unstable();
@@ -48,11 +60,13 @@ fn group(triangulation: &DelaunayTriangulation<Point2<f64>>, faces: &[Face]) -> 
     Group { vertices, corners: corners(&faces[0]).map(|vertex| [vertex.position().x, vertex.position().y]) }
 }
 
-/// The triangles on either side of an edge, if they have the same circle.
-fn same_circle(edge: DirectedEdgeHandle<'_, Point2<f64>, (), (), ()>) -> Option<[Face; 2]> {
-    let (left, right) = (edge.face().as_inner()?, edge.rev().face().as_inner()?);
-    let coord = |p: Point2<f64>| Coord { x: p.x, y: p.y };
-    let [a, b, c] = left.vertices().map(|vertex| coord(vertex.position()));
-    let opposite = coord(edge.rev().opposite_position()?);
-    (incircle(a, b, c, opposite) == 0.0).then(|| [left.fix(), right.fix()])
+/// The ends of an edge and the far corners of the triangles to its left and right; none on the hull.
+fn corners(edge: Edge<'_>) -> Option<[Vertex<'_>; 4]> {
+    let [from, to] = edge.vertices();
+    Some([from, to, edge.opposite_vertex()?, edge.rev().opposite_vertex()?])
+}
+
+fn is_one_circle(corners: [Vertex<'_>; 4]) -> bool {
+    let [a, b, c, d] = corners.map(|corner| Coord { x: corner.position().x, y: corner.position().y });
+    incircle(a, b, c, d) == 0.0
 }

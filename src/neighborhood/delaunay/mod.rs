@@ -73,7 +73,7 @@ impl Delaunay {
         self.starts[stack as usize] as usize..self.starts[stack as usize + 1] as usize
     }
 
-    /// Calls `visit` at least once for every pair of neighboring stacks.
+    /// Calls `visit` once for every pair of neighboring stacks in the triangulation.
     pub fn for_each_edge(&self, mut visit: impl FnMut(Range<usize>, Range<usize>, Edge<'_>)) {
         match &self.edges {
             Edges::Line(line) => {
@@ -83,24 +83,27 @@ impl Delaunay {
                 }
             }
             Edges::Triangles { triangulation, first } => {
-                let corner = first[2];
-                // Vertices are numbered as they were inserted: three first ones, then all others in order.
-                let stack_of = |vertex: usize| match vertex as u32 {
-                    vertex if vertex < 3 => first[vertex as usize],
-                    vertex if vertex <= corner => vertex - 1,
-                    vertex => vertex,
-                };
                 for edge in triangulation.undirected_edges() {
-                    let [a, b] = edge.vertices().map(|vertex| stack_of(vertex.index()));
-                    visit(self.stack(a), self.stack(b), Edge::OfTriangles(edge.as_directed()));
+                    let [a, b] = edge.vertices().map(|vertex| self.stack(stack_of(vertex.index(), *first)));
+                    visit(a, b, Edge::OfTriangles(edge.as_directed()));
                 }
-                for group in groups(triangulation) {
-                    for (i, &a) in group.vertices.iter().enumerate() {
-                        for &b in &group.vertices[..i] {
-                            let [a, b] = [a, b].map(stack_of);
-                            visit(self.stack(a), self.stack(b), Edge::OfCircle(group.corners));
-                        }
-                    }
+            }
+        }
+    }
+
+    /// Calls `visit` for every pair of stacks on one empty circle with others, whose edges a triangulation may or may not
+    /// have. Of groups in which `is_settled` holds for the stacks of any two neighboring triangles nothing is told.
+    pub fn for_each_cocircular_pair(
+        &self,
+        mut is_settled: impl FnMut([Range<usize>; 4]) -> bool,
+        mut visit: impl FnMut(Range<usize>, Range<usize>, Edge<'_>),
+    ) {
+        let Edges::Triangles { triangulation, first } = &self.edges else { return };
+        let stack = |vertex: usize| self.stack(stack_of(vertex, *first));
+        for group in groups(triangulation, |vertices| is_settled(vertices.map(stack))) {
+            for (i, &a) in group.vertices.iter().enumerate() {
+                for &b in &group.vertices[..i] {
+                    visit(stack(a), stack(b), Edge::OfCircle(group.corners));
                 }
             }
         }
@@ -130,6 +133,15 @@ impl Edge<'_> {
                 loaded.proves(from, to, left.map(place), right.map(place))
             }
         }
+    }
+}
+
+/// The stack of a vertex. Vertices are numbered as they were inserted: three first ones, then all others in order.
+fn stack_of(vertex: usize, first: [u32; 3]) -> u32 {
+    match vertex as u32 {
+        vertex if vertex < 3 => first[vertex as usize],
+        vertex if vertex <= first[2] => vertex - 1,
+        vertex => vertex,
     }
 }
 
