@@ -1,16 +1,17 @@
 //! What lies near one block of points, gathered once for all of them.
 
-use super::cells::{BLOCK, Cells};
+use super::cells::{Bounds, Cells};
 use crate::lattice::Within;
 
 /// More blocks than this are not worth keeping: the points of the block are far from each other, or find so many
 /// neighbors that looking them up in the pyramid costs little beside.
-const MOST: usize = 256;
+pub(super) const MOST: usize = 256;
 
 /// The blocks that can hold points within reach of the points of one block.
 #[derive(Debug, Default)]
 pub(super) struct Vicinity {
-    blocks: Vec<u32>,
+    /// With their bounds and the squared gap to the block, by which they are sorted.
+    blocks: Vec<(f64, u32, Bounds)>,
     /// Squared distance up to which they are complete.
     squared_reach: f64,
 }
@@ -21,7 +22,7 @@ impl Vicinity {
         self.blocks.clear();
         self.squared_reach = squared_reach;
         let mut index = block;
-        self.blocks.push(block as u32);
+        self.blocks.push((0.0, block as u32, cells.pyramid[0][block]));
         for level in 0..cells.pyramid.len() {
             let sibling = index ^ 1;
             if sibling < cells.pyramid[level].len() {
@@ -32,6 +33,7 @@ impl Vicinity {
             }
             index /= 2;
         }
+        self.blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
         true
     }
 
@@ -42,7 +44,7 @@ impl Vicinity {
             return;
         }
         if level == 0 {
-            self.blocks.push(index as u32);
+            self.blocks.push((gap, index as u32, *other));
             return;
         }
         for child in cells.children(level, index) {
@@ -50,17 +52,14 @@ impl Vicinity {
         }
     }
 
-    /// The blocks, that of the points first.
-    pub fn blocks(&self) -> impl Iterator<Item = usize> {
-        self.blocks.iter().map(|&block| block as usize)
+    /// The blocks with no larger squared gap to that of the points, nearest first, and their bounds.
+    #[inline]
+    pub fn up_to(&self, squared_gap: f64) -> impl Iterator<Item = (usize, &Bounds)> {
+        let near = self.blocks.iter().take_while(move |(gap, ..)| *gap <= squared_gap);
+        near.map(|(_, block, bounds)| (*block as usize, bounds))
     }
 
     pub fn squared_reach(&self) -> f64 {
         self.squared_reach
     }
-}
-
-/// The points of a block, by their places in the order.
-pub(super) fn places_of(cells: &Cells, block: usize) -> std::ops::Range<u32> {
-    (block * BLOCK) as u32..((block + 1) * BLOCK).min(cells.order.len()) as u32
 }
