@@ -183,7 +183,7 @@ fn squared(gaps: [f64; 3], weights: &[f64; 3]) -> f64 {
 }
 
 /// The squared distances from `point` to the points of a block; NaN where there is none.
-#[inline(always)]
+#[inline]
 pub(super) fn squared_distances(point: &[f64; 3], block: &Block, weights: &[f64; 3]) -> [f64; BLOCK] {
     let mut squared = [0.0; BLOCK];
     for k in 0..3 {
@@ -196,7 +196,7 @@ pub(super) fn squared_distances(point: &[f64; 3], block: &Block, weights: &[f64;
 }
 
 /// One bit for each of the squared distances that is no larger than `limit`.
-#[inline(always)]
+#[inline]
 pub(super) fn up_to(limit: f64, squared: &[f64; BLOCK]) -> Bits {
     Bits((0u32..).zip(squared).fold(0, |bits, (i, &squared)| bits | u32::from(squared <= limit) << i))
 }

@@ -85,8 +85,7 @@ impl<'a> Finder<'a> {
                 squared_reach = smaller(squared_reach, about(self.center.1 + to_corner));
             }
         }
-        self.is_gathered =
-            squared_reach < f64::INFINITY && self.vicinity.gather(cells, within, block, squared_reach);
+        self.is_gathered = squared_reach < f64::INFINITY && self.vicinity.gather(cells, within, block, squared_reach);
     }
 
     /// Collects what may be a neighbor of the point at `place`; whether all that are have been.
@@ -135,7 +134,7 @@ impl<'a> Finder<'a> {
         let wanted = if let Search::Nearest { k, .. } = self.grid.search() { k - 1 } else { usize::MAX };
         let candidates = &self.candidates;
         let distance = |key: u64| key & !NUMBER;
-        if wanted > 0 && self.keys.len() > 2 * wanted {
+        if wanted > 0 && self.keys.len() > wanted.saturating_mul(2) {
             let last = distance(*self.keys.select_nth_unstable(wanted - 1).1);
             self.keys.retain(|&key| distance(key) <= last);
         }

@@ -157,7 +157,7 @@ impl<'a> Grid<'a> {
     }
 
     /// Whether the point at `other`, whose squared distance is known, is a neighbor of `point`.
-    #[inline(always)]
+    #[inline]
     pub(super) fn is_pair(&self, squared: f64, point: &[f64; 3], other: u32) -> bool {
         self.within.pair_if(squared, || (*point, self.cells.point(other)))
             && self.rise.is_none_or(|rise| rise.pair(point[2], self.cells.point(other)[2]))
