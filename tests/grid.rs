@@ -184,10 +184,13 @@ proptest! {
     ) {
         let points = cloud.coordinates();
         let grid = Grid::new(&points, &cloud.point_ids, &cloud.lattice(), sought.search());
-        let mut found = Vec::new();
+        let (mut finder, mut found) = (grid.finder(), Vec::new());
         for point in 0..points.len() {
             grid.neighbors(point as u32, &mut found);
             prop_assert_eq!(numbers(&found), sought.neighbors(&cloud, point));
+            let alone = found.clone();
+            finder.neighbors(point as u32, &mut found);
+            prop_assert_eq!(&found, &alone);
             for neighbor in &found {
                 let axes = if matches!(sought, Sought::Ball(_) | Sought::Nearest(_, false, _)) { 3 } else { 2 };
                 let squared = cloud.squared(point, neighbor.point as usize, axes) as f64;
@@ -244,13 +247,16 @@ proptest! {
         let points = cloud.coordinates();
         let by_id = |points: &[[f64; 3]], ids: &[i64]| {
             let grid = Grid::new(points, ids, &cloud.lattice(), sought.search());
-            let mut found = Vec::new();
-            let of = |point: u32| {
+            let (mut finder, mut found) = (grid.finder(), Vec::new());
+            let mut of = |point: u32| {
+                finder.neighbors(point, &mut found);
+                let alone = found.clone();
                 grid.neighbors(point, &mut found);
+                assert_eq!(found, alone);
                 let neighbors = found.iter().map(|n| (ids[n.point as usize], n.squared.to_bits()));
                 (ids[point as usize], neighbors.collect::<Vec<_>>())
             };
-            (0..points.len() as u32).map(of).collect::<std::collections::BTreeMap<_, _>>()
+            grid.order().iter().map(|&point| of(point)).collect::<std::collections::BTreeMap<_, _>>()
         };
         let expected = by_id(&points, &cloud.point_ids);
         let mut shuffled: Vec<usize> = (0..points.len()).collect();
@@ -306,9 +312,9 @@ fn thousands_of_points_at_one_place_are_searched_in_no_time() {
     let points = vec![[7.25; 3]; 100_000];
     let ids: Vec<i64> = (0..100_000).rev().collect();
     let grid = Grid::new(&points, &ids, &Lattice::REAL, Search::nearest(30, None).unwrap());
-    let mut found = Vec::new();
+    let (mut finder, mut found) = (grid.finder(), Vec::new());
     for point in 0..100_000u32 {
-        grid.neighbors(point, &mut found);
+        finder.neighbors(point, &mut found);
         assert_eq!(found[0].point, point);
         let smallest = (0..100_000).rev().filter(|&other| other != point).take(29);
         assert!(found[1..].iter().map(|neighbor| neighbor.point).eq(smallest));
@@ -331,9 +337,9 @@ fn corridors_and_stray_points_take_no_more_than_others() {
     let ids = ids(&points);
     for search in [Search::ball(0.02).unwrap(), Search::disc(0.02).unwrap(), Search::nearest(10, None).unwrap()] {
         let grid = Grid::new(&points, &ids, &Lattice::REAL, search);
-        let mut found = Vec::new();
+        let (mut finder, mut found) = (grid.finder(), Vec::new());
         for point in 0..points.len() as u32 {
-            grid.neighbors(point, &mut found);
+            finder.neighbors(point, &mut found);
             assert_eq!(found[0].point, point);
             assert!(found.len() <= 10);
         }

@@ -104,9 +104,9 @@ fn compute_and_look(
     let mut surroundings = Surroundings::new(points, lattice, fit, wanted);
     let mut features =
         Features { columns: vec![vec![f64::NAN; points.len()]; wanted.len()], support: vec![0.0; points.len()] };
-    let mut found = Vec::new();
+    let (mut finder, mut found) = (grid.finder(), Vec::new());
     for &point in grid.order() {
-        grid.neighbors(point, &mut found);
+        finder.neighbors(point, &mut found);
         let support = support(&grid, &found);
         features.support[point as usize] = support;
         look(point, &found, support);

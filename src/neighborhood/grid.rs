@@ -8,6 +8,7 @@ use std::cmp::Ordering;
 
 use super::cells::{BLOCK, Cells, squared_distances, up_to};
 use super::components::components;
+use super::finder::Finder;
 use super::nearest::Nearest;
 use super::search::Search;
 use crate::lattice::{Lattice, Metric, Rise, Within};
@@ -90,6 +91,11 @@ impl<'a> Grid<'a> {
         }
     }
 
+    /// Finds the neighbors of many points, one after the other.
+    pub fn finder(&self) -> Finder<'_> {
+        Finder::new(self)
+    }
+
     /// Calls `visit` for all neighbors of `point` and for the point itself, in an order that is nobody's business: it
     /// depends on the window. For a number of nearest points use [`Self::neighbors`].
     pub fn for_each_neighbor(&self, point: u32, mut visit: impl FnMut(Neighbor)) {
@@ -133,6 +139,30 @@ impl<'a> Grid<'a> {
         }
     }
 
+    pub(super) fn point_ids(&self) -> &[i64] {
+        self.point_ids
+    }
+
+    pub(super) fn within(&self) -> &Within {
+        &self.within
+    }
+
+    pub(super) fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Where a point is in the order.
+    pub(super) fn place(&self, point: u32) -> u32 {
+        self.places[point as usize]
+    }
+
+    /// Whether the point at `other`, whose squared distance is known, is a neighbor of `point`.
+    #[inline]
+    pub(super) fn is_pair(&self, squared: f64, point: &[f64; 3], other: u32) -> bool {
+        self.within.pair_if(squared, || (*point, self.cells.point(other)))
+            && self.rise.is_none_or(|rise| rise.pair(point[2], self.cells.point(other)[2]))
+    }
+
     /// Calls `visit` for the neighbors of the point at `place` of the order until it says no; with `onward`, only for
     /// those behind it in the order.
     #[inline]
@@ -143,8 +173,7 @@ impl<'a> Grid<'a> {
             let squared = squared_distances(&point, &cells.blocks[block], &within.weights());
             for i in up_to(within.limit(), &squared) {
                 let (other, squared) = ((block * BLOCK + i) as u32, squared[i]);
-                if within.pair_if(squared, || (point, cells.point(other)))
-                    && self.rise.is_none_or(|rise| rise.pair(point[2], cells.point(other)[2]))
+                if self.is_pair(squared, &point, other)
                     && (other > place || !onward)
                     && !visit(Neighbor { point: cells.order[other as usize], squared })
                 {

@@ -8,13 +8,16 @@ mod certificate;
 mod components;
 mod curve;
 mod delaunay;
+mod finder;
 mod grid;
 mod nearest;
 mod neighborhoods;
 mod search;
+mod vicinity;
 
 pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
+pub use finder::Finder;
 pub use grid::{Grid, Neighbor};
 pub use neighborhoods::{Neighborhoods, support};
 pub use search::Search;

@@ -42,15 +42,33 @@ impl<'a> Nearest<'a> {
             let (point, wanted) = (cells.point(place), k - 1);
             let worst = (f64::INFINITY, i64::MAX);
             let mut nearest = Nearest { cells, point_ids, within, place, point, wanted, found, worst, room: wanted };
-            nearest.go_up();
+            nearest.go_up(place as usize / BLOCK);
             nearest.keep_wanted();
             found.sort_unstable_by(|a, b| a.compare(b, point_ids));
         }
         found.insert(0, Neighbor { point: cells.order[place as usize], squared: 0.0 });
     }
 
-    fn go_up(&mut self) {
-        let mut index = self.place as usize / BLOCK;
+    /// The squared distance of the k-th nearest point from any place in or near `block`; None if there are fewer.
+    pub fn farthest(
+        cells: &Cells,
+        point_ids: &[i64],
+        within: &Within,
+        block: usize,
+        point: [f64; 3],
+        k: usize,
+    ) -> Option<f64> {
+        let worst = (f64::INFINITY, i64::MAX);
+        let found = &mut Vec::with_capacity(k + BLOCK);
+        let mut nearest =
+            Nearest { cells, point_ids, within, place: u32::MAX, point, wanted: k, found, worst, room: k };
+        nearest.go_up(block);
+        nearest.keep_wanted();
+        (nearest.found.len() == k).then_some(nearest.worst.0)
+    }
+
+    fn go_up(&mut self, start: usize) {
+        let mut index = start;
         self.look_at(index);
         for level in 0..self.cells.pyramid.len() {
             let sibling = index ^ 1;

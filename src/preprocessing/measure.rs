@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::moments::{Moments, Statistics};
-use super::neighbor_distance::{NeighborDistances, mean, nearest};
+use super::neighbor_distance::{NeighborDistances, grid_of, mean, nearest};
 use super::{Preprocessed, Stage, StatisticalOutlierRemoval, apply_all, total_halo};
 use crate::crew::Crew;
 use crate::error::Result;
@@ -101,7 +101,8 @@ struct Near {
 
 fn first_look(removal: StatisticalOutlierRemoval, window: &Window, own: &OwnIds) -> Found {
     let mut found = Found::default();
-    let mut distances = NeighborDistances::new(window, removal.others(), removal.itself());
+    let grid = grid_of(window, removal.others());
+    let mut distances = NeighborDistances::new(window, &grid, removal.others(), removal.itself());
     for point in distances.order() {
         let id = window.point_ids()[point as usize];
         if !own.contains(id) {

@@ -1,6 +1,6 @@
 //! The mean distance of a point to its nearest neighbors, or how much of it a window can tell.
 
-use crate::neighborhood::{Grid, Neighbor, Search};
+use crate::neighborhood::{Finder, Grid, Neighbor, Search};
 use crate::window::Window;
 
 /// Between what the mean distance of a point to its neighbors lies.
@@ -18,7 +18,8 @@ const BORDER_SLACK: f64 = 1e-9;
 /// Finds the neighbors of points in one window.
 pub(super) struct NeighborDistances<'a> {
     window: &'a Window,
-    grid: Grid<'a>,
+    grid: &'a Grid<'a>,
+    finder: Finder<'a>,
     /// How many neighbors there should be, the point itself not counted.
     neighbors: usize,
     /// What the sum of their distances is divided by is so many more.
@@ -27,10 +28,9 @@ pub(super) struct NeighborDistances<'a> {
 }
 
 impl<'a> NeighborDistances<'a> {
-    /// For means over `neighbors` others, divided by `more` than there are.
-    pub(super) fn new(window: &'a Window, neighbors: usize, more: usize) -> Self {
-        let grid = Grid::new(window.points(), window.point_ids(), window.lattice(), nearest(neighbors));
-        Self { window, grid, neighbors, more, found: Vec::new() }
+    /// For means over `neighbors` others, which `grid` finds, divided by `more` than there are.
+    pub(super) fn new(window: &'a Window, grid: &'a Grid<'a>, neighbors: usize, more: usize) -> Self {
+        Self { window, grid, finder: grid.finder(), neighbors, more, found: Vec::new() }
     }
 
     /// The numbers of the points, near ones near each other.
@@ -40,7 +40,7 @@ impl<'a> NeighborDistances<'a> {
 
     /// What is known of the mean distance of `point`.
     pub(super) fn of(&mut self, point: u32) -> MeanDistance {
-        self.grid.neighbors(point, &mut self.found);
+        self.finder.neighbors(point, &mut self.found);
         let lengths: Vec<f64> = self.found.iter().skip(1).map(|n| self.grid.length(n.squared)).collect();
         let farthest = lengths.last().copied().unwrap_or(0.0);
         let is_full = lengths.len() == self.neighbors;
@@ -61,6 +61,11 @@ impl<'a> NeighborDistances<'a> {
         let farthest = self.found.last().filter(|_| self.found.len() > self.neighbors);
         farthest.map_or(f64::INFINITY, |n| self.grid.length(n.squared))
     }
+}
+
+/// The points of a window, to find so many neighbors of each beside itself.
+pub(super) fn grid_of(window: &Window, neighbors: usize) -> Grid<'_> {
+    Grid::new(window.points(), window.point_ids(), window.lattice(), nearest(neighbors))
 }
 
 /// The search for so many neighbors beside the point itself.

@@ -50,9 +50,9 @@ impl Stage for RadiusOutlierRemoval {
         let search = Search::Nearest { k, flat: false, within: self.radius };
         let grid = Grid::new(window.points(), window.point_ids(), window.lattice(), search);
         let mut stays = vec![None; window.points().len()];
-        let mut found = Vec::new();
+        let (mut finder, mut found) = (grid.finder(), Vec::new());
         for &point in grid.order() {
-            grid.neighbors(point, &mut found);
+            finder.neighbors(point, &mut found);
             let is_known = found.len() == k || window.holds(&window.points()[point as usize], self.radius);
             stays[point as usize] = is_known.then_some(found.len() == k);
         }

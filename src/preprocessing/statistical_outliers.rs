@@ -13,7 +13,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
 use super::moments::{Moments, Statistics};
-use super::neighbor_distance::{MeanDistance, NeighborDistances};
+use super::neighbor_distance::{MeanDistance, NeighborDistances, grid_of};
 use super::{Preprocessed, Stage, keep_where};
 use crate::error::{Error, Result};
 use crate::window::Window;
@@ -170,7 +170,8 @@ impl Stage for GlobalOutlierRemoval {
 
     fn apply(&self, window: &Window) -> Result<Preprocessed> {
         let threshold = self.removal.threshold(&self.statistics);
-        let mut distances = NeighborDistances::new(window, self.others(), self.removal.itself());
+        let grid = grid_of(window, self.others());
+        let mut distances = NeighborDistances::new(window, &grid, self.others(), self.removal.itself());
         let mut stays = vec![None; window.points().len()];
         for point in distances.order() {
             let outlier = self.removal.dialect.is_outlier(distances.of(point), threshold);
@@ -210,7 +211,8 @@ impl Stage for RunningOutlierRemoval {
 
     fn apply(&self, window: &Window) -> Result<Preprocessed> {
         let mut so_far = self.so_far.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut distances = NeighborDistances::new(window, self.removal.others(), self.removal.itself());
+        let grid = grid_of(window, self.removal.others());
+        let mut distances = NeighborDistances::new(window, &grid, self.removal.others(), self.removal.itself());
         let mut known = vec![None; window.points().len()];
         for point in distances.order() {
             if !so_far.stays.contains_key(&window.point_ids()[point as usize]) {
