@@ -6,7 +6,8 @@
 //! 3. Label the connected components of what was kept.
 //!
 //! Departure: points with equal xy are kept, all of them. Two points are neighbors when their xy is equal or
-//! Delaunay-adjacent, and joined when within the distance.
+//! Delaunay-adjacent, and joined when within the distance. Of places on one empty circle all pairs are adjacent, not only
+//! those that a triangulator happens to choose.
 //!
 //! With the xy metric the result is that of the 2-D radius graph, because the Euclidean minimum spanning tree is part of
 //! every Delaunay triangulation; so any window that holds a pair decides it rightly. With lengths in space on the
