@@ -25,6 +25,8 @@ OPTIONS = ("min_segment_size", "max_segment_size", "filter", "seed_filter", "sor
 
 every = pytest.mark.parametrize("promise", ROSTER.values(), ids=ROSTER)
 every_of_ours = pytest.mark.parametrize("promise", OURS.values(), ids=OURS)
+ORDER_FREE = {name: promise for name, promise in ROSTER.items() if promise.is_order_free}
+order_free = pytest.mark.parametrize("promise", ORDER_FREE.values(), ids=ORDER_FREE)
 every_class = pytest.mark.parametrize("method", CLASSES)
 
 
@@ -297,10 +299,8 @@ def test_threads_and_chunks_change_nothing(promise: Promise) -> None:
         np.testing.assert_array_equal(quiet(chunks, promise.segmentor, spans=spans), first)  # type: ignore[arg-type]
 
 
-@every
+@order_free
 def test_the_order_of_the_points_changes_nothing(promise: Promise) -> None:
-    if not promise.is_order_free:
-        pytest.skip("depends on the order of the points, and says so")
     # In general position: the nearest of equally near points are told apart by their number.
     points = houses(7, step=None)
     labels = ss.segment_static(points, promise.segmentor)

@@ -65,8 +65,7 @@ ROSTER = {
     "growing, principal": Promise(
         ss.RegionGrowing(20, search_radius=2.0, curvature="principal", max_curvature=0.5), "B", True, 2.0, True
     ),
-    # What it looks at together, and as much again for the features of that.
-    "growing, literal": Promise(ss.RegionGrowing(16, search_radius=0.75, literal=True), "C", False, 1.5, False),
+    "growing, literal": Promise(ss.RegionGrowing(16, search_radius=0.75, literal=True), "C", False, 0.75, False),
     "scikit-learn": Promise(DBSCAN(eps=0.75, min_samples=6), "C", False, None, False),
 }
 
