@@ -22,6 +22,12 @@ use crate::window::Window;
 /// The coordinates, as attributes.
 const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
 
+/// More neighbors than this are searched for again rather than kept for all points at the same time.
+const MOST_KEPT: usize = 256;
+
+/// The attributes that are one vector: all from the cloud, or all computed.
+const NORMAL: [&str; 3] = ["NormalX", "NormalY", "NormalZ"];
+
 /// What a recipe is made of.
 #[derive(Clone)]
 pub struct Ingredients {
@@ -86,7 +92,7 @@ impl Recipe {
             if !self.coordinates.contains(&axis) {
                 self.coordinates.push(axis);
             }
-        } else if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
+        } else if let Some(column) = found(name, available) {
             if !self.reads.contains(column) {
                 self.reads.push(column.clone());
             }
@@ -103,6 +109,12 @@ impl Recipe {
             return Err(Error::unknown_attribute(name, &known_to_all(available)));
         }
         Ok(())
+    }
+
+    /// Whether features decide who takes part.
+    fn filter_computes(&self) -> bool {
+        let is_computed = |name: &str| self.features.iter().any(|feature| is_same_name(feature.name(), name));
+        self.ingredients.filter.as_ref().is_some_and(|filter| filter.attributes().any(is_computed))
     }
 
     /// How far around a point its features depend on others; 0 if none are computed.
@@ -142,7 +154,9 @@ impl Recipe {
     /// features are those of the whole cloud. How many lie within a radius has no limit, and neither has the memory.
     fn keeps_neighbors(&self, search: Search) -> bool {
         let Ingredients { segmentor, filter, .. } = &self.ingredients;
-        segmentor.looks_at_neighbors() && filter.is_none() && matches!(search, Search::Nearest { .. })
+        segmentor.looks_at_neighbors()
+            && filter.is_none()
+            && matches!(search, Search::Nearest { k, .. } if k <= MOST_KEPT)
     }
 
     /// The positions of the points that take part.
@@ -204,6 +218,13 @@ impl Recipe {
     }
 }
 
+/// The attribute of the cloud that has this name; none of a normal that is not all there.
+fn found<'a>(name: &str, available: &'a [String]) -> Option<&'a String> {
+    let find = |name: &str| available.iter().find(|column| is_same_name(column, name));
+    let is_normal = NORMAL.iter().any(|part| is_same_name(part, name));
+    find(name).filter(|_| !is_normal || NORMAL.iter().all(|part| find(part).is_some()))
+}
+
 /// The coordinates, the attributes of the cloud, and the features that can be computed.
 fn known_to_all(available: &[String]) -> Vec<String> {
     let mut known: Vec<String> = COORDINATES.map(str::to_string).to_vec();
@@ -225,6 +246,10 @@ impl Segmentor for Recipe {
         let stages = &self.ingredients.stages;
         if total_halo(stages) == f64::INFINITY {
             // Such as statistics of what has come so far: they depend on how the cloud is cut.
+            return Exactness::Measured { reach: f64::INFINITY, halo: f64::INFINITY };
+        }
+        if self.feature_reach() == f64::INFINITY && self.filter_computes() {
+            // Who takes part is decided where features are not final, and so is who is near whom.
             return Exactness::Measured { reach: f64::INFINITY, halo: f64::INFINITY };
         }
         let halo = total_halo(stages) + self.feature_reach();

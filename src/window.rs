@@ -79,6 +79,8 @@ pub struct Window {
     spans: Vec<Arc<Span>>,
     /// Which of the spans are the window's own; the others are its halo.
     own_spans: Range<usize>,
+    /// The lattice of the spans, and that of the points where others stand for theirs.
+    origin: Lattice,
     lattice: Lattice,
     points: Vec<[f64; 3]>,
     point_ids: Vec<i64>,
@@ -120,6 +122,7 @@ impl Window {
             index,
             spans,
             own_spans: own,
+            origin: lattice,
             lattice,
             points,
             point_ids,
@@ -145,6 +148,7 @@ impl Window {
             index: self.index,
             spans: self.spans.clone(),
             own_spans: self.own_spans.clone(),
+            origin: self.origin,
             lattice: self.lattice,
             points: kept.iter().map(|i| self.points[at(i)]).collect(),
             point_ids: kept.iter().map(|i| self.point_ids[at(i)]).collect(),
@@ -167,6 +171,7 @@ impl Window {
             index: self.index,
             spans: self.spans.clone(),
             own_spans: self.own_spans.clone(),
+            origin: self.origin,
             lattice,
             points,
             point_ids,
@@ -249,7 +254,8 @@ impl Window {
 
     /// Whether a place is among the window's own spans, not in its halo.
     pub fn is_own(&self, point: &[f64; 3]) -> bool {
-        let Some(Extent { direction, low, high, .. }) = extent_of(self.own_spans()) else { return true };
+        let Some(own) = extent_of(self.own_spans()) else { return true };
+        let Extent { direction, low, high, .. } = moved(own, &self.origin, &self.lattice);
         let [x, y] = self.lattice.horizontal(point);
         (low..high).contains(&(direction[0] * x + direction[1] * y))
     }

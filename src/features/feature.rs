@@ -1,5 +1,7 @@
 //! What can be computed for a point, by name.
 
+use crate::attribute::is_same_name;
+
 /// One number per point that is computed from its neighbors.
 ///
 /// The neighborhood includes the point itself. λ₁ ≥ λ₂ ≥ λ₃ are the eigenvalues of the covariance of the neighbors'
@@ -77,9 +79,9 @@ impl Feature {
         Feature::MinCurvature,
     ];
 
-    /// The feature of this name, whatever its case.
+    /// The feature of this name, whatever its case and underscores.
     pub fn by_name(name: &str) -> Option<Feature> {
-        Self::ALL.into_iter().find(|feature| feature.name().eq_ignore_ascii_case(name))
+        Self::ALL.into_iter().find(|feature| is_same_name(feature.name(), name))
     }
 
     /// Its name as users read it.

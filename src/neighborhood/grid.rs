@@ -51,6 +51,11 @@ impl<'a> Grid<'a> {
             Search::Disc { .. } | Search::Nearest { flat: true, .. } => (Metric::Xy, None),
             Search::Cylinder { low, high, .. } => (Metric::Xy, Some(Rise::new(low, high, lattice))),
         };
+        // However many are asked for, that one more than there are cannot be found says enough.
+        let search = match search {
+            Search::Nearest { k, flat, within } => Search::Nearest { k: k.min(points.len() + 1), flat, within },
+            search => search,
+        };
         let within = Within::new(search.reach(), metric, lattice);
         let cells = Cells::new(points, point_ids, &within);
         let mut places = vec![0; points.len()];

@@ -58,6 +58,9 @@ impl<'a> Nearest<'a> {
         point: [f64; 3],
         k: usize,
     ) -> Option<f64> {
+        if k > cells.order.len() {
+            return None;
+        }
         let worst = (f64::INFINITY, i64::MAX);
         let found = &mut Vec::with_capacity(k + BLOCK);
         let mut nearest =

@@ -17,8 +17,7 @@ pub struct Neighborhoods {
 impl Neighborhoods {
     /// Nothing yet of what `search` finds for `points` points.
     pub fn new(search: Search, points: usize) -> Self {
-        let per_point = if let Search::Nearest { k, .. } = search { k.min(points) } else { 0 };
-        let neighbors = Vec::with_capacity(points * per_point);
+        let neighbors = Vec::new();
         let order = Vec::with_capacity(points);
         Self { search, neighbors, order, places: vec![(0, 0); points], support: vec![0.0; points] }
     }

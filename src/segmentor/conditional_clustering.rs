@@ -14,7 +14,6 @@ use super::{Exactness, Segmented, Segmentor};
 use crate::error::Result;
 use crate::expression::{BoundCriterion, Criterion, Pair, Symmetry};
 use crate::label::{Labels, NONE};
-use crate::lattice::Lattice;
 use crate::neighborhood::{Grid, Search};
 use crate::union_find::UnionFind;
 use crate::window::Window;
@@ -140,14 +139,8 @@ impl Pairs<'_> {
     #[inline]
     fn hold(&self, point: u32, neighbor: u32) -> bool {
         let (p, n) = (point as usize, neighbor as usize);
-        let offset = offset(self.window.lattice(), &self.window.points()[p], &self.window.points()[n]);
+        let points = self.window.points();
+        let offset = self.window.lattice().offset_between(&points[p], &points[n]);
         self.criterion.holds(p, n, &Pair::of_offset(offset))
     }
-}
-
-/// How far the second point lies from the first, in units of the coordinates.
-#[inline]
-fn offset(lattice: &Lattice, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
-    let scale = lattice.scale();
-    std::array::from_fn(|k| (to[k] - from[k]) * scale[k])
 }

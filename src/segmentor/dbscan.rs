@@ -80,7 +80,8 @@ impl Segmentor for Dbscan {
         for (&point, representative) in core.iter().zip(self.joined(&core, window, point_ids)) {
             labels[point as usize] = i64::from(representative);
         }
-        let border = self.border(&grid, &labels, window);
+        // Where nothing is core, nothing has a border.
+        let border = if core.is_empty() { Vec::new() } else { self.border(&grid, &labels, window) };
         for (point, nearest) in border {
             labels[point as usize] = labels[nearest as usize];
         }

@@ -42,6 +42,8 @@ METHODS = {
         {
             "--search-radius": "search_radius",
             "--search-mode": "search_mode",
+            "--k": "k",
+            "--tile-size": "tile_size",
             "--max-distance": "max_distance",
             "--max-sigma": "max_sigma",
             "--angle": "min_angle_deg",

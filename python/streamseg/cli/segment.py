@@ -66,11 +66,14 @@ def segment(
     search_mode: Annotated[str | None, _of(_METHOD, "conditional, planes: 3d, 2.5d or 2d.")] = None,
     max_distance: Annotated[float | None, _of(_METHOD, "planes: greatest distance of a point from its plane.")] = None,
     max_sigma: Annotated[float | None, _of(_METHOD, "planes: an adjustment with more than this is not taken.")] = None,
+    tile_size: Annotated[
+        float | None, _of(_METHOD, "planes: side of the tiles in which planes grow. [default: 20 x the radius]")
+    ] = None,
     seed_calculator: Annotated[
         str | None, _of(_METHOD, 'planes: order of the seeds, such as "NormalSigma0<0.02 ? NormalSigma0 : invalid".')
     ] = None,
     k: Annotated[
-        int | None, _of(_METHOD, "growing: neighbors are the k nearest, the point itself included.", max=MOST)
+        int | None, _of(_METHOD, "planes, growing: neighbors are the k nearest, the point itself included.", max=MOST)
     ] = None,
     angle: Annotated[float | None, _of(_METHOD, "planes, growing: angle between normals, in degrees.")] = None,
     curvature: Annotated[str | None, _of(_METHOD, "growing: surface_variation or principal.")] = None,
@@ -131,6 +134,7 @@ def segment(
         "--search-mode": search_mode,
         "--max-distance": max_distance,
         "--max-sigma": max_sigma,
+        "--tile-size": tile_size,
         "--seed-calculator": seed_calculator,
         "--k": k,
         "--angle": angle,
