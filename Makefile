@@ -56,6 +56,10 @@ fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
 	STREAMSEG_CRITERIA=10000000 cargo test --release --test expression_fuzz -- --nocapture
 	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
 
+experiments: $(BUILT) $(TOOLS) ## improved region growing's experiment, and roofs as planes, into figures/
+	$(BIN)/python benches/region_growing.py --picture figures/region-growing.png
+	$(BIN)/python benches/planes.py --out figures
+
 soak: $(BUILT) $(TOOLS) ## memory and speed on long clouds, beside scipy
 	$(BIN)/python benches/memory.py
 	$(BIN)/python benches/peers.py
@@ -88,4 +92,4 @@ check-tools:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "streamseg: needs Python 3.10 or newer, '$(PYTHON)' is $$($(PYTHON) -V); name another with PYTHON=..."; exit 1; }
 	@command -v cargo >/dev/null || { echo "streamseg: needs a Rust toolchain (cargo); get it with rustup, see https://rustup.rs"; exit 1; }
 
-.PHONY: help demo test lint test-rust test-python bench figures model fuzz soak wheel clean check-tools
+.PHONY: help demo test lint test-rust test-python bench figures experiments model fuzz soak wheel clean check-tools
