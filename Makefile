@@ -57,6 +57,7 @@ fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
 	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
 
 experiments: $(BUILT) $(TOOLS) ## improved region growing's experiment, and roofs as planes, into figures/
+	@mkdir -p figures
 	$(BIN)/python benches/region_growing.py --picture figures/region-growing.png
 	$(BIN)/python benches/planes.py --out figures
 
