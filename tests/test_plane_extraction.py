@@ -31,16 +31,26 @@ def gable(seed: int, points: int, noise: float) -> Floats:
     return np.asarray(np.round(cloud / STEP) * STEP)
 
 
-def twin_labels(points: Floats, segmentor: ss.PlaneExtraction, seed_sigma: float) -> NDArray[np.int64]:
-    """What the definition says, for a segmentor without options whose seeds have a σ0 below `seed_sigma`."""
+def twin_labels(
+    points: Floats, segmentor: ss.PlaneExtraction, weights: Callable[[Floats], Floats]
+) -> NDArray[np.int64]:
+    """What the definition says, for a segmentor without options whose seeds have the `weights` of their σ0."""
     assert isinstance(segmentor.search_radius, float)
     columns = ss.features(points, NORMALS, search_radius=segmentor.search_radius)
     sigmas = columns["NormalSigma0"]
-    with np.errstate(invalid="ignore"):
-        weights = np.where(sigmas < seed_sigma, sigmas, np.nan)
     normals = np.column_stack([columns[name] for name in NORMALS[:3]])
     limits = (segmentor.max_distance, segmentor.max_sigma, segmentor.min_angle_deg, segmentor.tile_size)
-    return Extraction(points, normals, sigmas, weights, segmentor.search_radius, *limits).labels()
+    return Extraction(points, normals, sigmas, weights(sigmas), segmentor.search_radius, *limits).labels()
+
+
+def below(limit: float) -> Callable[[Floats], Floats]:
+    """Seeds are what is even enough, the most even first."""
+
+    def weights(sigmas: Floats) -> Floats:
+        with np.errstate(invalid="ignore"):
+            return np.where(sigmas < limit, sigmas, np.nan)
+
+    return weights
 
 
 def extraction(seed_sigma: float, **parameters: float) -> ss.PlaneExtraction:
@@ -54,7 +64,7 @@ def test_roofs_are_those_of_the_definition(seed: int, tile_size: float) -> None:
     points = gable(seed, 450, noise=0.02)
     segmentor = extraction(0.04, max_distance=0.08, tile_size=tile_size)
     labels = ss.segment_static(points, segmentor)
-    assert same(labels, twin_labels(points, segmentor, 0.04))
+    assert same(labels, twin_labels(points, segmentor, below(0.04)))
 
 
 @given(
@@ -70,7 +80,7 @@ def test_any_small_cloud_is_as_defined(
     points[:, 2] += np.round((points[:, 0] * 0.37 + points[:, 1] ** 2 * 0.011) / STEP) * STEP
     segmentor = extraction(0.2, max_distance=max_distance, max_sigma=0.2, tile_size=tile_size)
     labels = ss.segment_static(points, segmentor)
-    assert same(labels, twin_labels(points, segmentor, 0.2))
+    assert same(labels, twin_labels(points, segmentor, below(0.2)))
 
 
 @pytest.mark.parametrize(
@@ -141,6 +151,34 @@ def test_streamed_is_static_on_a_city(cloud: Callable[[str], LatticeCloud]) -> N
         found = agreement(labels[in_planes], streamed[in_planes])
         print(f"spans of {width} m: adjusted Rand index {found:.4f} over {in_planes.sum()} points of planes")
         assert found >= 0.95
+        assert same(labels, streamed)
+
+
+def wave(seed: int) -> tuple[Floats, float]:
+    """A strip that bends gently about one plane, and where its first plane starts: far ends are released."""
+    random = np.random.default_rng(seed)
+    bends = int(random.integers(4, 9))
+    places, heights = np.sort(random.uniform(0, 19, bends)), random.uniform(-0.06, 0.06, bends)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.05, 19.5, 0.25), np.arange(0.05, 1.5, 0.25)))
+    return np.column_stack([x, y, np.interp(x, places, heights)]), float(random.uniform(0, 19))
+
+
+@pytest.mark.parametrize("seed", [394, 1411, 1601, 2502])
+def test_a_plane_whose_middle_is_released_is_one_segment_per_piece(seed: int) -> None:
+    points, start = wave(seed)
+    calculator = f"NormalSigma0 + 0.001 * abs(X - {start!r})"
+    limits = {"tile_size": 20.0, "min_angle_deg": 30.0}
+    segmentor = ss.PlaneExtraction(0.5, seed_calculator=calculator, min_segment_size=1, **limits)  # type: ignore[arg-type]
+    labels = ss.segment_static(points, segmentor)
+    for label in set(labels) - {-1}:
+        assert np.diff(np.unique(points[labels == label, 0])).max(initial=0.0) <= 0.5
+    assert same(labels, twin_labels(points, segmentor, lambda sigmas: sigmas + 0.001 * abs(points[:, 0] - start)))
+    for width, window in [(0.51, ss.Window(3, 1)), (0.6, ss.Window(2, 1))]:
+        with ss.stream(points, segmentor, spans=ss.SpanByWidth(width), window=window, result="final") as run:
+            streamed = np.full(len(points), -1)
+            for result in run:
+                streamed[result.point_ids] = result.segment_ids
+        assert run.is_identical
         assert same(labels, streamed)
 
 

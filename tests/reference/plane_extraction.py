@@ -60,8 +60,7 @@ class Extraction(NamedTuple):
         for tile in sorted({(int(x), int(y)) for x, y in tiles}):
             own = (tiles == tile).all(axis=1)
             for plane, members in self.in_tile(tile, own):
-                inside = {i for i in members if own[i]}
-                if inside:
+                for inside in self.pieces({i for i in members if own[i]}):
                     patch_of[list(inside)] = len(patches)
                     patches.append((plane, members, inside))
         return self.joined(patches, patch_of)
@@ -72,6 +71,16 @@ class Extraction(NamedTuple):
         near = np.flatnonzero(squared <= self.radius**2)
         order = sorted(near, key=lambda i: (squared[i], i != point, i))
         return [int(i) for i in order]
+
+    def pieces(self, inside: set[int]) -> list[set[int]]:
+        """What of these points holds together through neighbors."""
+        pieces: list[set[int]] = []
+        for point in inside:
+            near = set(self.neighbors(point)) & inside
+            touched = [piece for piece in pieces if piece & near]
+            pieces = [piece for piece in pieces if not piece & near]
+            pieces.append(near.union(*touched))
+        return pieces
 
     def fits(self, point: int, plane: Plane) -> bool:
         """Whether the point may join."""

@@ -8,7 +8,8 @@
 //! * twenty times the search radius, unless told otherwise. Our tiles lie at absolute places and look beyond their
 //!   borders, so a plane grows the same in any window that holds its tile: streamed is static;
 //! * those that share points and are coplanar: the angle between them is small, and the points of the smaller one lie
-//!   about the plane of the larger one with a standard deviation below that of a plane.
+//!   about the plane of the larger one with a standard deviation below that of a plane. A plane whose points in its
+//!   tile fall into pieces that are no neighbors is one segment per piece, unless another tile joins them.
 
 mod adjustment;
 mod growth;
@@ -178,7 +179,7 @@ impl Segmentor for PlaneExtraction {
             let mut seeds: Vec<u32> = surroundings.iter().copied().filter(|&i| turns[i as usize].is_some()).collect();
             seeds.sort_unstable_by_key(|&point| turns[point as usize]);
             for patch in growth.grow_among(&surroundings, &seeds) {
-                mosaic.take_in(patch, |point| tiles.tile(point) == tile);
+                mosaic.take_in(patch, &grid, |point| tiles.tile(point) == tile);
             }
         }
         let labels = mosaic.labels(&grid, |a, b| self.agree(a, b));
