@@ -14,6 +14,7 @@ import pytest
 import streamseg as ss
 from reference.clouds import LatticeCloud
 from reference.preprocessing import centroids, nearest_to, radius_inliers, statistical_inliers, voxels
+from streamseg._core import _halo_of
 from streamseg.source import open_source
 
 KITTI = "spinning/kitti_a.bin"
@@ -54,13 +55,35 @@ def test_statistical_outliers_are_those_of_the_twin(dialect: Any, data: Path) ->
     for points in (small(), kitti(data)[::3]):
         stays, mean, deviation = statistical_inliers(points, 8, 1.0, dialect)
         stage = ss.prepare(ss.StatisticalOutlierRemoval(8, 1.0, dialect), points)[0]
-        count, measured_mean, measured_deviation = stage.statistics
+        count, measured_mean, measured_deviation = stage.statistics[:3]
         assert count == len(points)
         assert measured_mean == pytest.approx(mean, rel=1e-12)
         assert measured_deviation == pytest.approx(deviation, rel=1e-9)
         ids, kept = thinned(points, stage)
         assert np.array_equal(ids, np.flatnonzero(stays))
         assert np.array_equal(kept, points[ids])
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_a_stray_point_far_away_does_not_widen_the_windows(dialect: Any) -> None:
+    street = np.random.default_rng(0).uniform(0, (400, 20, 1), (12_000, 3))
+    points = np.concatenate([street, [[1e6, 0, 0]]])
+    stays, _, _ = statistical_inliers(points, 8, 1.0, dialect)
+    stage = ss.prepare(ss.StatisticalOutlierRemoval(8, 1.0, dialect), points)[0]
+    assert stage.threshold > 1000
+    assert _halo_of([stage]) < 10
+    ids, _ = thinned(points, stage, spans=ss.SpanByWidth(10.0))
+    assert np.array_equal(ids, np.flatnonzero(stays))
+    three = ss.StatisticalOutlierRemoval(8, 1.0, dialect, stage.statistics[:3])
+    assert _halo_of([three]) > 8000
+
+
+def test_more_neighbors_than_points_are_those_there_are() -> None:
+    points = small(100)
+    stays, mean, _ = statistical_inliers(points, 100_000, 1.0, "pcl")
+    stage = ss.prepare(ss.StatisticalOutlierRemoval(100_000, 1.0), points)[0]
+    assert stage.statistics[1] == pytest.approx(mean, rel=1e-12)
+    assert np.array_equal(thinned(points, stage)[0], np.flatnonzero(stays))
 
 
 def test_radius_outliers_are_those_of_the_twin(data: Path) -> None:
@@ -158,6 +181,7 @@ def test_empty_and_tiny_clouds() -> None:
     "stage",
     [
         ss.StatisticalOutlierRemoval(9, 1.5, "pdal", (5, 1.0, 0.5)),
+        ss.StatisticalOutlierRemoval(9, 1.5, "pdal", (5, 1.0, 0.5, (1.75, 6.0))),
         ss.RadiusOutlierRemoval(2.0, 7),
         ss.VoxelGrid(2.0, "nearest"),
     ],
@@ -174,6 +198,8 @@ def test_stages_are_values(stage: Any) -> None:
     [
         (lambda: ss.StatisticalOutlierRemoval(0), "k is 0, allowed"),
         (lambda: ss.StatisticalOutlierRemoval(-1), "k is -1, allowed"),
+        (lambda: ss.StatisticalOutlierRemoval(10**12), "k is 1000000000000, allowed: at most 100000"),
+        (lambda: ss.StatisticalOutlierRemoval(statistics=(5, 1.0, 0.5, (1.0, -1.0))), "statistics is (5, 1.0, 0.5, (1"),
         (lambda: ss.StatisticalOutlierRemoval(dialect="cgal"), "dialect is 'cgal', allowed: 'pcl', 'pdal' or 'open3d'"),
         (lambda: ss.StatisticalOutlierRemoval(statistics="windowed"), "statistics is 'windowed', allowed: 'global'"),
         (lambda: ss.StatisticalOutlierRemoval(multiplier=-1.0), "multiplier is -1, allowed"),

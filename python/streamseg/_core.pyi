@@ -198,7 +198,7 @@ class Recipe:
     @property
     def reads(self) -> list[str]: ...
 
-_Statistics = tuple[int, float, float]
+_Statistics = tuple[int, float, float] | tuple[int, float, float, tuple[float, float]]
 _Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
 _LatticeOf = tuple[_Triple, _Triple]
 

@@ -29,8 +29,9 @@ SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
 # Of a cloud without stray points a window of three spans has about three times as many.
 _POINTS_PER_SPAN = 200_000
 
-# How many points of a chunk tell how far a cloud reaches.
+# How many points of a chunk, and of all chunks, tell how far a cloud reaches.
 _SAMPLE = 5_000
+_LARGEST_SAMPLE = 100_000
 
 
 def preprocess(
@@ -109,7 +110,8 @@ def prepare(
     """Measure a stored cloud for the stages that need statistics of all of it.
 
     Mean and standard deviation are exact, whatever the order of the points and the number of threads. The cloud is read
-    once or twice for each stage that needs it.
+    two or three times for each stage that needs it: to find how wide spans should be, to measure, and once more if
+    points have neighbors far away.
 
     Parameters
     ----------
@@ -187,11 +189,16 @@ def _measured(
 
 def _spans_of(source: Source, at_least: float) -> tuple[SpanByWidth, float]:
     """Spans for a stored cloud with some 200 000 points each, along its longer side, and their width."""
-    count, sample = 0, [np.zeros((0, 2))]
+    count, size, thinning, sample = 0, 0, 1, [np.zeros((0, 2))]
     for points, _ in source.chunks(()):
         chunk = np.asarray(points).reshape(-1, 3)
         count += len(chunk)
-        sample.append(chunk[:: max(1, len(chunk) // _SAMPLE), :2].astype(np.float64))
+        sample.append(chunk[:: max(1, len(chunk) // _SAMPLE) * thinning, :2].astype(np.float64))
+        size += len(sample[-1])
+        if size > _LARGEST_SAMPLE:
+            step = -(-size // (_LARGEST_SAMPLE // 2))
+            sample = [np.concatenate(sample)[::step]]
+            size, thinning = len(sample[0]), thinning * step
     places = np.concatenate(sample)
     places = places[np.isfinite(places).all(axis=1)]
     # Stray points far away do not make the cloud longer.

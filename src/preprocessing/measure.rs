@@ -9,6 +9,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::farthest::Farthest;
 use super::moments::{Moments, Statistics};
 use super::neighbor_distance::{NeighborDistances, grid_of, mean, nearest};
 use super::{Preprocessed, Stage, StatisticalOutlierRemoval, apply_all, total_halo};
@@ -48,10 +49,10 @@ pub fn measure(
         let survey = Survey::new(open()?, lattice, vec![], halo, Crew::new(threads)?, Arc::new(apply))?;
         Ok(survey.with_look_up(look_up()))
     };
-    let (mut moments, mut left) = (Moments::default(), Vec::new());
+    let (mut distances, mut left) = (Distances::default(), Vec::new());
     for found in survey(needed + halo, Box::new(move |window, own| first_look(removal, window, own)))? {
         let found = found?;
-        moments.merge(&found.moments);
+        distances.merge(&found.distances);
         left.extend(found.left);
     }
     if !left.is_empty() {
@@ -65,10 +66,31 @@ pub fn measure(
         }
         for (left, neighbors) in searchers.iter().zip(&gathered) {
             let lengths = neighbors.iter().filter(|n| n.id != left.id).map(|neighbor| neighbor.length);
-            moments.add(mean(lengths, removal.itself()));
+            distances.add(mean(lengths.clone(), removal.itself()), lengths.fold(0.0, f64::max));
         }
     }
-    Ok(removal.statistics(&moments))
+    let statistics = removal.statistics(&distances.means);
+    let reach = distances.farthest.up_to(removal.threshold(&statistics));
+    Ok(Statistics { reach: Some(reach), ..statistics })
+}
+
+/// What is kept of the distances of all points to their neighbors.
+#[derive(Default)]
+struct Distances {
+    means: Moments,
+    farthest: Farthest,
+}
+
+impl Distances {
+    fn add(&mut self, mean: f64, last: f64) {
+        self.means.add(mean);
+        self.farthest.add(mean, last);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.means.merge(&other.means);
+        self.farthest.merge(&other.farthest);
+    }
 }
 
 type Work = Box<dyn Fn(&Window, &OwnIds) -> Found + Send + Sync>;
@@ -76,7 +98,7 @@ type Work = Box<dyn Fn(&Window, &OwnIds) -> Found + Send + Sync>;
 /// What a look at a window has found.
 #[derive(Default)]
 struct Found {
-    moments: Moments,
+    distances: Distances,
     left: Vec<Left>,
     /// Neighbors of those left, by their number.
     neighbors: Vec<(usize, Vec<Near>)>,
@@ -110,7 +132,7 @@ fn first_look(removal: StatisticalOutlierRemoval, window: &Window, own: &OwnIds)
         }
         let d = distances.of(point);
         if d.low == d.high {
-            found.moments.add(d.high);
+            found.distances.add(d.high, distances.farthest());
         } else {
             found.left.push(Left { point: window.points()[point as usize], id, radius: distances.last_radius() });
         }
@@ -137,7 +159,7 @@ fn second_look(left: &[Left], others: usize, window: &Window, own: &OwnIds) -> F
         ids.push(left[i].id);
     }
     let place_of: HashMap<i64, u32> = ids.iter().copied().zip(0..).collect();
-    let grid = Grid::new(&points, &ids, window.lattice(), nearest(others));
+    let grid = Grid::new(&points, &ids, window.lattice(), nearest(others.min(points.len())));
     let mut found = Vec::new();
     let neighbors = near.into_iter().filter_map(|i| {
         grid.neighbors(*place_of.get(&left[i].id)?, &mut found);

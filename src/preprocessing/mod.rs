@@ -3,6 +3,7 @@
 //! A [`Stage`] takes the points of a window and hands on fewer. Nothing is lost: every point knows which one stands for
 //! it, and gets that one's label; a removed point gets none.
 
+mod farthest;
 mod measure;
 mod moments;
 mod neighbor_distance;
@@ -14,10 +15,13 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::window::Window;
+pub use farthest::Reach;
 pub use measure::measure;
 pub use moments::{Moments, Statistics};
 pub use radius_outliers::RadiusOutlierRemoval;
-pub use statistical_outliers::{Dialect, GlobalOutlierRemoval, RunningOutlierRemoval, StatisticalOutlierRemoval};
+pub use statistical_outliers::{
+    Dialect, GlobalOutlierRemoval, MOST_NEIGHBORS, RunningOutlierRemoval, StatisticalOutlierRemoval,
+};
 pub use voxel_grid::{Representative, VoxelGrid};
 
 /// One step of preprocessing.

@@ -6,6 +6,8 @@
 
 use std::collections::BTreeMap;
 
+use super::farthest::Reach;
+
 /// Numbers that are at least 0, summed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Moments {
@@ -24,6 +26,8 @@ pub struct Statistics {
     pub mean: f64,
     /// Their standard deviation, with n − 1 in the denominator; 0 of fewer than two numbers.
     pub deviation: f64,
+    /// How far away neighbors are, where that was measured too.
+    pub reach: Option<Reach>,
 }
 
 impl Moments {
@@ -62,14 +66,14 @@ impl Moments {
     /// Σ(d − μ)² over `deviating` of n numbers is Σd² − (Σd)² · (2n − deviating) / n², if the others are 0.
     fn with_deviations_of(&self, deviating: u64) -> Statistics {
         if self.count == 0 {
-            return Statistics { count: 0, mean: 0.0, deviation: 0.0 };
+            return Statistics { count: 0, mean: 0.0, deviation: 0.0, reach: None };
         }
         let (n, sum, squares) = (self.count as f64, self.sum.value(), self.squares.value());
         let mean = sum.over(n);
         let part = sum.times(sum).times(Double::from(2.0 * n - deviating as f64)).over(n).over(n);
         let squared = squares.plus(part.negative()).high.max(0.0);
         let deviation = if self.count < 2 { 0.0 } else { (squared / (n - 1.0)).sqrt() };
-        Statistics { count: self.count, mean: mean.high, deviation }
+        Statistics { count: self.count, mean: mean.high, deviation, reach: None }
     }
 }
 
@@ -204,8 +208,8 @@ mod tests {
             assert_eq!(all.mean, value);
             assert!(all.deviation <= 1e-15 * value, "{all:?}");
         }
-        assert_eq!(of(&[]).statistics(), Statistics { count: 0, mean: 0.0, deviation: 0.0 });
-        assert_eq!(of(&[3.0]).statistics(), Statistics { count: 1, mean: 3.0, deviation: 0.0 });
+        assert_eq!(of(&[]).statistics(), Statistics { count: 0, mean: 0.0, deviation: 0.0, reach: None });
+        assert_eq!(of(&[3.0]).statistics(), Statistics { count: 1, mean: 3.0, deviation: 0.0, reach: None });
     }
 
     #[test]

@@ -25,12 +25,13 @@ pub(super) struct NeighborDistances<'a> {
     /// What the sum of their distances is divided by is so many more.
     more: usize,
     found: Vec<Neighbor>,
+    farthest: f64,
 }
 
 impl<'a> NeighborDistances<'a> {
     /// For means over `neighbors` others, which `grid` finds, divided by `more` than there are.
     pub(super) fn new(window: &'a Window, grid: &'a Grid<'a>, neighbors: usize, more: usize) -> Self {
-        Self { window, grid, finder: grid.finder(), neighbors, more, found: Vec::new() }
+        Self { window, grid, finder: grid.finder(), neighbors, more, found: Vec::new(), farthest: 0.0 }
     }
 
     /// The numbers of the points, near ones near each other.
@@ -46,25 +47,32 @@ impl<'a> NeighborDistances<'a> {
         let is_full = lengths.len() == self.neighbors;
         let position = &self.window.points()[point as usize];
         let exact = mean(lengths.iter().copied(), self.more);
+        self.farthest = farthest;
         if self.window.holds(position, if is_full { farthest } else { f64::INFINITY }) {
             return MeanDistance { low: exact, high: exact };
         }
         // All that has not been loaded lies beyond the border.
         let border = self.window.distance_to_border(position) * (1.0 - BORDER_SLACK);
-        let at_least = lengths.iter().copied().chain(std::iter::repeat(border)).take(self.neighbors);
-        let low = mean(at_least.map(|length| length.min(border)), self.more);
+        let loaded: f64 = lengths.iter().map(|length| length.min(border)).sum();
+        let missing = (self.neighbors - lengths.len()) as f64 * border;
+        let low = (loaded + missing) / (self.neighbors + self.more) as f64;
         MeanDistance { low, high: if is_full { exact } else { f64::INFINITY } }
     }
 
-    /// The length of the longest distance among the neighbors of the point asked for last; ∞ if there are too few.
+    /// The longest distance to a neighbor of the point asked for last, among those in the window.
+    pub(super) fn farthest(&self) -> f64 {
+        self.farthest
+    }
+
+    /// The same; ∞ if there are too few.
     pub(super) fn last_radius(&self) -> f64 {
-        let farthest = self.found.last().filter(|_| self.found.len() > self.neighbors);
-        farthest.map_or(f64::INFINITY, |n| self.grid.length(n.squared))
+        if self.found.len() > self.neighbors { self.farthest } else { f64::INFINITY }
     }
 }
 
 /// The points of a window, to find so many neighbors of each beside itself.
 pub(super) fn grid_of(window: &Window, neighbors: usize) -> Grid<'_> {
+    let neighbors = neighbors.min(window.points().len());
     Grid::new(window.points(), window.point_ids(), window.lattice(), nearest(neighbors))
 }
 

@@ -7,6 +7,11 @@
 //! T that is known a window need not hold all neighbors of a point: if d ≤ T no neighbor is farther away than their number
 //! times T; and if one is, then d > T. So a halo of that length decides every point.
 //!
+//! A few stray points can make T larger than the cloud. So that pass also tells how far away the last neighbor of a point
+//! with d ≤ T really is ([`Reach`](super::Reach)), and no more is loaded: a point whose neighbors are not all within that
+//! has d > T, whatever it is. Of another cloud this may not be true; so that a result never depends on the windows, such a
+//! point is an outlier there too.
+//!
 //! *Running*: μ and σ are those of the points that have been decided so far, and of this window's.
 
 use std::collections::HashMap;
@@ -66,6 +71,9 @@ impl Dialect {
     }
 }
 
+/// More neighbors fit in no memory while a cloud is measured.
+pub const MOST_NEIGHBORS: usize = 100_000;
+
 /// What is asked for. It becomes a stage when it is known where μ and σ come from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StatisticalOutlierRemoval {
@@ -78,7 +86,7 @@ impl StatisticalOutlierRemoval {
     /// Removes points whose `k` neighbors are farther away than T = μ + `multiplier` · σ on average.
     ///
     /// # Errors
-    /// If there is no neighbor, or the multiplier is below 0 or not finite.
+    /// If there is no neighbor or more than [`MOST_NEIGHBORS`], or the multiplier is below 0 or not finite.
     pub fn new(k: usize, multiplier: f64, dialect: Dialect) -> Result<Self> {
         if dialect == Dialect::Open3d && k < 2 {
             return Err(Error::parameter(
@@ -89,6 +97,9 @@ impl StatisticalOutlierRemoval {
         }
         if !(multiplier.is_finite() && multiplier >= 0.0) {
             return Err(Error::parameter("multiplier", multiplier, "a finite number of at least 0"));
+        }
+        if k > MOST_NEIGHBORS {
+            return Err(Error::parameter("k", k, "at most 100000"));
         }
         Ok(Self { k: crate::error::at_least_one("k", k)?, multiplier, dialect })
     }
@@ -151,10 +162,22 @@ pub struct GlobalOutlierRemoval {
 /// More than rounding: the halo has to outweigh that of borders and distances.
 const HALO_SLACK: f64 = 1.01;
 
+/// What rounding may do to a distance that was measured.
+const REACH_SLACK: f64 = 1e-9;
+
 impl GlobalOutlierRemoval {
     /// A cloud of few points has fewer neighbors to offer.
     fn others(&self) -> usize {
         self.removal.others().min(self.statistics.count.saturating_sub(1) as usize)
+    }
+
+    fn threshold(&self) -> f64 {
+        self.removal.threshold(&self.statistics)
+    }
+
+    /// How far away the last neighbor of a point that stays is, if that was measured for this threshold.
+    fn reach(&self) -> Option<f64> {
+        self.statistics.reach.filter(|reach| self.threshold() <= reach.threshold).map(|reach| reach.length)
     }
 }
 
@@ -165,17 +188,19 @@ impl Stage for GlobalOutlierRemoval {
 
     fn halo(&self) -> f64 {
         let divisor = (self.others() + self.removal.itself()) as f64;
-        HALO_SLACK * divisor * self.removal.threshold(&self.statistics)
+        let greatest = divisor * self.threshold();
+        HALO_SLACK * self.reach().map_or(greatest, |reach| reach.min(greatest))
     }
 
     fn apply(&self, window: &Window) -> Result<Preprocessed> {
-        let threshold = self.removal.threshold(&self.statistics);
+        let threshold = self.threshold();
+        let reach = self.reach().map_or(f64::INFINITY, |reach| reach * (1.0 + REACH_SLACK));
         let grid = grid_of(window, self.others());
         let mut distances = NeighborDistances::new(window, &grid, self.others(), self.removal.itself());
         let mut stays = vec![None; window.points().len()];
         for point in distances.order() {
             let outlier = self.removal.dialect.is_outlier(distances.of(point), threshold);
-            stays[point as usize] = outlier.map(|outlier| !outlier);
+            stays[point as usize] = outlier.map(|outlier| !outlier && distances.farthest() <= reach);
         }
         Ok(keep_where(window, stays.into_iter(), self.halo()))
     }

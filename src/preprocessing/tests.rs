@@ -173,7 +173,7 @@ fn outliers_by_definition(
             is_clear.then_some(is_outlier)
         })
         .collect();
-    (Statistics { count: n as u64, mean, deviation }, outliers)
+    (Statistics { count: n as u64, mean, deviation, reach: None }, outliers)
 }
 
 fn check_statistical(cloud: &Cloud, k: usize, multiplier: f64, dialect: Dialect) {
@@ -346,6 +346,48 @@ fn the_dialects_differ_as_documented() {
 }
 
 #[test]
+fn a_stray_point_does_not_make_the_halo_longer() {
+    let row = (0..4000).map(|i| [f64::from(i), f64::from(i * 7919 % 13), f64::from(i % 3)]);
+    let strays = [[1e9, 0.0, 0.0], [-3e8, 5.0, 0.0]];
+    let cloud = Cloud { points: row.chain(strays).collect(), lattice: Lattice::REAL };
+    for dialect in DIALECTS {
+        let removal = StatisticalOutlierRemoval::new(8, 1.0, dialect).unwrap();
+        let measured = cloud.measure(removal, &[], 40.0, 40.0);
+        assert_eq!(cloud.measure(removal, &[], 1e10, 0.0), measured);
+        let stage = removal.with_statistics(measured);
+        assert!(removal.threshold(&measured) > 1e6 && stage.halo() < 20.0, "{measured:?}");
+        let halo = Halo::Length(stage.halo());
+        let count = Arc::new(|window: &Window| Ok(window.points().len()));
+        let spans = cloud.spans(40.0, Direction::X);
+        let sizes = Survey::new(spans, cloud.lattice, vec!["intensity".into()], halo, Crew::new(1).unwrap(), count);
+        assert!(sizes.unwrap().all(|size| size.unwrap() <= 120));
+        let stages: Vec<Arc<dyn Stage>> = vec![Arc::new(stage)];
+        let kept = in_windows(&cloud, &stages, 40.0, Direction::X, 1);
+        assert_eq!(kept, in_one_window(&cloud, &stages));
+        let without = Statistics { reach: None, ..measured };
+        assert_eq!(kept, in_one_window(&cloud, &[Arc::new(removal.with_statistics(without))]));
+        assert_eq!(kept.len(), 4000);
+        // The reach holds for thresholds up to the one it was measured for.
+        let (less, more) =
+            (StatisticalOutlierRemoval::new(8, 0.5, dialect), StatisticalOutlierRemoval::new(8, 2.0, dialect));
+        assert!(less.unwrap().with_statistics(measured).halo() < 20.0);
+        assert!(more.unwrap().with_statistics(measured).halo() > 1e6);
+    }
+}
+
+#[test]
+fn statistics_of_another_cloud_give_the_same_in_any_windows() {
+    let line = |step: f64| (0..60).map(move |i| [f64::from(i) * step, f64::from(i * i % 7) * step, 0.0]).collect();
+    let (dense, sparse) =
+        (Cloud { points: line(0.1), lattice: Lattice::REAL }, Cloud { points: line(0.13), lattice: Lattice::REAL });
+    for dialect in DIALECTS {
+        let removal = StatisticalOutlierRemoval::new(5, 1.0, dialect).unwrap();
+        check_windows(&sparse, &[Arc::new(removal.with_statistics(dense.measure(removal, &[], 1e9, 0.0)))]);
+        check_windows(&dense, &[Arc::new(removal.with_statistics(sparse.measure(removal, &[], 1e9, 0.0)))]);
+    }
+}
+
+#[test]
 fn running_statistics_are_those_of_what_has_come() {
     // Four groups; in the second the points are farther apart than anything before, in the last one is alone.
     let group = |x: f64, step: f64| (0..6).map(move |i| [x + f64::from(i) * step, 0.0, 0.0]);
@@ -383,6 +425,7 @@ fn what_is_not_allowed_is_said() {
         message(StatisticalOutlierRemoval::new(1, 1.0, Dialect::Open3d)).contains("the point itself is one of them")
     );
     assert!(message(StatisticalOutlierRemoval::new(8, f64::NAN, Dialect::Pcl)).starts_with("multiplier is NaN"));
+    assert!(message(StatisticalOutlierRemoval::new(1_000_000_000_000, 1.0, Dialect::Pcl)).contains("at most 100000"));
     assert!(RadiusOutlierRemoval::new(-1.0, 1).is_err() && RadiusOutlierRemoval::new(1.0, 0).is_err());
     assert!(VoxelGrid::new(f64::INFINITY, Representative::Centroid).is_err());
     assert!("mean".parse::<Representative>().unwrap_err().to_string().contains("'centroid' or 'nearest'"));

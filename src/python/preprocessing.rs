@@ -9,7 +9,7 @@ use super::survey::{Cloud, signals};
 use crate::error::Error;
 use crate::lattice::Lattice;
 use crate::preprocessing::{
-    RadiusOutlierRemoval, Stage, StatisticalOutlierRemoval, Statistics, VoxelGrid, measure, total_halo,
+    RadiusOutlierRemoval, Reach, Stage, StatisticalOutlierRemoval, Statistics, VoxelGrid, measure, total_halo,
 };
 
 /// Removes points whose nearest neighbors are unusually far away.
@@ -24,15 +24,18 @@ use crate::preprocessing::{
 /// Parameters
 /// ----------
 /// k : int, default 8
-///     Number of neighbors, at least 1; at least 2 in the dialect "open3d".
+///     Number of neighbors, from 1 to 100 000; at least 2 in the dialect "open3d".
 /// multiplier : float, default 2.0
 ///     Standard deviations above the mean that are still usual, at least 0.
 /// dialect : {"pcl", "pdal", "open3d"}, default "pcl"
 ///     Whose formula decides.
-/// statistics : {"global", "running"} or (int, float, float), default "global"
+/// statistics : {"global", "running"}, (int, float, float) or (int, float, float, (float, float)), default "global"
 ///     Where mean and standard deviation come from. "global": from the whole cloud, in a pass of its own before the run;
 ///     the cloud has to be stored. "running": from what has come so far, for live sources. Or count, mean and standard
-///     deviation of a cloud that was measured before.
+///     deviation of a cloud that was measured before; give these three to judge another cloud. Measured statistics have a
+///     fourth element (threshold, reach): in that cloud, with this k, no point with a mean distance up to that threshold has
+///     its last neighbor farther away than the reach; that is how much a window loads, and a point with a neighbor
+///     farther away is an outlier.
 ///
 /// Raises
 /// ------
@@ -94,9 +97,7 @@ impl PyStatisticalOutlierRemoval {
         Ok(match self.statistics {
             Origin::Cloud => "global".into_pyobject(py)?.into_any().unbind(),
             Origin::Past => "running".into_pyobject(py)?.into_any().unbind(),
-            Origin::Measured(Statistics { count, mean, deviation }) => {
-                (count, mean, deviation).into_pyobject(py)?.into_any().unbind()
-            }
+            Origin::Measured(statistics) => in_python(py, &statistics)?,
         })
     }
 
@@ -122,11 +123,30 @@ impl PyStatisticalOutlierRemoval {
     }
 }
 
+fn in_python(py: Python<'_>, statistics: &Statistics) -> PyResult<Py<PyAny>> {
+    let Statistics { count, mean, deviation, reach } = *statistics;
+    let tuple = match reach {
+        Some(Reach { threshold, length }) => (count, mean, deviation, (threshold, length)).into_pyobject(py)?,
+        None => (count, mean, deviation).into_pyobject(py)?,
+    };
+    Ok(tuple.into_any().unbind())
+}
+
+fn measured(given: &Bound<'_, PyAny>) -> Option<Statistics> {
+    let ((count, mean, deviation), reach) = if let Ok(three) = given.extract() {
+        (three, None)
+    } else {
+        let (count, mean, deviation, (threshold, length)) = given.extract::<(u64, f64, f64, (f64, f64))>().ok()?;
+        ((count, mean, deviation), Some(Reach { threshold, length }))
+    };
+    let numbers = [mean, deviation].into_iter().chain(reach.iter().flat_map(|reach| [reach.threshold, reach.length]));
+    let is_possible = numbers.into_iter().all(|value: f64| value.is_finite() && value >= 0.0);
+    is_possible.then_some(Statistics { count, mean, deviation, reach })
+}
+
 fn parse_statistics(given: &Bound<'_, PyAny>) -> PyResult<Origin> {
-    if let Ok((count, mean, deviation)) = given.extract::<(u64, f64, f64)>()
-        && [mean, deviation].iter().all(|value| value.is_finite() && *value >= 0.0)
-    {
-        return Ok(Origin::Measured(Statistics { count, mean, deviation }));
+    if let Some(statistics) = measured(given) {
+        return Ok(Origin::Measured(statistics));
     }
     match given.extract::<String>().as_deref() {
         Ok("global") => Ok(Origin::Cloud),
@@ -286,7 +306,7 @@ pub(super) fn _halo_of(stages: &Bound<'_, PyAny>) -> PyResult<f64> {
     Ok(total_halo(&self::stages(stages)?))
 }
 
-/// Count, mean and standard deviation of a stored cloud for `removal`, which comes after the stages `earlier`; `chunks` gives
+/// Count, mean, standard deviation and reach of a stored cloud for `removal`, which comes after the stages `earlier`; `chunks` gives
 /// its chunks each time it is called, and spans are `width` wide.
 #[pyfunction]
 #[pyo3(signature = (chunks, removal, earlier, *, spans, width, lattice, threads, drop_invalid))]
@@ -301,11 +321,11 @@ pub(super) fn _measure(
     lattice: Option<([f64; 3], [f64; 3])>,
     threads: usize,
     drop_invalid: bool,
-) -> PyResult<(u64, f64, f64)> {
+) -> PyResult<Py<PyAny>> {
     let earlier = stages(earlier)?;
     let removal = removal.removal;
     let grid = lattice.map_or(Ok(Lattice::REAL), |(scale, offset)| Lattice::new(scale, offset))?;
-    let Statistics { count, mean, deviation } = guarded(py, || {
+    let statistics = guarded(py, || {
         let mut open = || {
             Python::attach(|py| {
                 let chunks = chunks.bind(py).call0()?;
@@ -315,5 +335,5 @@ pub(super) fn _measure(
         };
         Ok(measure(removal, &earlier, &mut open, grid, width, threads, &mut || Box::new(signals))?)
     })?;
-    Ok((count, mean, deviation))
+    in_python(py, &statistics)
 }
