@@ -40,7 +40,14 @@ enum State {
 /// A plane and its points, in the order in which it took them in.
 pub(super) struct Patch {
     pub(super) plane: Plane,
-    pub(super) points: Vec<u32>,
+    pub(super) points: Vec<Member>,
+}
+
+/// A point of a patch.
+pub(super) struct Member {
+    pub(super) point: u32,
+    /// The point whose neighbor it came in as; its own if it is the seed. May have been released.
+    pub(super) parent: u32,
 }
 
 /// Grows planes among the points of a window.
@@ -54,6 +61,8 @@ pub(super) struct Growth<'a> {
     limits: Coplanarity,
     states: Vec<State>,
     turns: Vec<u32>,
+    /// For each point that is taken, the one whose neighbor it came in as.
+    parents: Vec<u32>,
     found: Vec<Neighbor>,
 }
 
@@ -89,6 +98,7 @@ impl<'a> Growth<'a> {
             limits,
             states: vec![State::Outside; points.len()],
             turns: vec![NO_TURN; points.len()],
+            parents: vec![0; points.len()],
             found: Vec::new(),
         }
     }
@@ -130,14 +140,14 @@ impl<'a> Growth<'a> {
         if !self.fits(seed, &growing) {
             return (None, Vec::new());
         }
-        self.take_in(seed, &mut growing);
+        self.take_in(seed, seed, &mut growing);
         let mut found = std::mem::take(&mut self.found);
         let mut next = 0;
         while let Some(&point) = growing.points.get(next) {
             self.grid.neighbors(point, &mut found);
             for neighbor in &found {
                 if self.states[neighbor.point as usize] == State::Free && self.fits(neighbor.point, &growing) {
-                    self.take_in(neighbor.point, &mut growing);
+                    self.take_in(neighbor.point, point, &mut growing);
                 }
             }
             next += 1;
@@ -174,7 +184,8 @@ impl<'a> Growth<'a> {
         plane.distance(self.offset(origin, point)) < self.limits.max_distance
     }
 
-    fn take_in(&mut self, point: u32, growing: &mut Growing) {
+    fn take_in(&mut self, point: u32, parent: u32, growing: &mut Growing) {
+        self.parents[point as usize] = parent;
         self.states[point as usize] = State::Taken;
         growing.points.push(point);
         growing.sums.add(self.offset(&growing.origin, point));
@@ -209,7 +220,8 @@ impl<'a> Growth<'a> {
             return (None, released);
         }
         let plane = plane.plane(self.lattice.real(&origin), &sums);
-        (Some(Patch { plane, points: kept }), released)
+        let member = |point: u32| Member { point, parent: self.parents[point as usize] };
+        (Some(Patch { plane, points: kept.into_iter().map(member).collect() }), released)
     }
 }
 

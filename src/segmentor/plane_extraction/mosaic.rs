@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::Plane;
-use super::growth::Patch;
+use super::growth::{Member, Patch};
 use crate::label::{Labels, NONE};
 use crate::neighborhood::Grid;
 use crate::union_find::UnionFind;
@@ -32,36 +32,48 @@ impl Mosaic {
     /// Takes in a patch that was grown in a tile. One that has no point in it is left to the neighboring tiles.
     pub(super) fn take_in(&mut self, patch: Patch, grid: &Grid<'_>, is_in_tile: impl Fn(u32) -> bool) {
         let first = self.planes.len();
-        let (own, beyond): (Vec<u32>, Vec<u32>) = patch.points.into_iter().partition(|&point| is_in_tile(point));
+        let (own, beyond): (Vec<Member>, Vec<Member>) =
+            patch.points.into_iter().partition(|member| is_in_tile(member.point));
         if own.is_empty() {
             return;
         }
         self.connect(&own, grid);
         let mut numbers = BTreeMap::new();
-        for point in own {
+        for Member { point, .. } in own {
             let next = first + numbers.len();
             self.pieces[point as usize] = *numbers.entry(self.connected.find(point)).or_insert(next) as i64;
         }
         self.planes.resize(first + numbers.len(), patch.plane);
         let pieces = first as u32..self.planes.len() as u32;
-        self.beyond.extend(beyond.into_iter().map(|point| (point, pieces.clone())));
+        self.beyond.extend(beyond.into_iter().map(|member| (member.point, pieces.clone())));
     }
 
     /// Connects those of a patch's points that are neighbors.
-    fn connect(&mut self, own: &[u32], grid: &Grid<'_>) {
+    fn connect(&mut self, own: &[Member], grid: &Grid<'_>) {
         let patch = self.planes.len() as i64;
-        for &point in own {
-            self.pieces[point as usize] = patch;
+        for member in own {
+            self.pieces[member.point as usize] = patch;
         }
-        let mut left = own.len();
+        let is_own = |pieces: &[i64], point: u32| pieces[point as usize] == patch;
+        let (mut children, mut orphans) = (Vec::new(), Vec::new());
+        for &Member { point, parent } in own {
+            if point != parent && is_own(&self.pieces, parent) {
+                self.connected.union(point, parent);
+                children.push(point);
+            } else {
+                orphans.push(point);
+            }
+        }
+        // Mostly nobody, or only orphans, have to be asked for their neighbors.
+        let mut left = orphans.len();
         let mut found = Vec::new();
-        for &point in own {
+        for point in orphans.into_iter().chain(children) {
             if left == 1 {
                 return;
             }
             grid.neighbors(point, &mut found);
-            for neighbor in &found {
-                if self.pieces[neighbor.point as usize] == patch && !self.connected.same(point, neighbor.point) {
+            for neighbor in found.iter().filter(|neighbor| is_own(&self.pieces, neighbor.point)) {
+                if !self.connected.same(point, neighbor.point) {
                     self.connected.union(point, neighbor.point);
                     left -= 1;
                 }
