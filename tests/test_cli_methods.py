@@ -96,6 +96,10 @@ METHOD_OPTIONS: list[tuple[str, Any]] = [
     ),
     ("--method planes", ss.PlaneExtraction()),
     (
+        "--method planes --search-radius 1 --k 12 --tile-size 9 --min-size 10",
+        ss.PlaneExtraction(1.0, k=12, tile_size=9.0, min_segment_size=10),
+    ),
+    (
         f"--method planes --search-radius 1.5 --max-distance 0.2 --max-sigma 0.1 --angle 15"
         f" --seed-calculator '{CALCULATOR}' --min-size 10",
         ss.PlaneExtraction(
