@@ -79,8 +79,10 @@ impl Recipe {
             }
             needed.extend(filter.attributes().map(ToString::to_string));
         }
+        let reads_normal = has_normal(&needed, available);
         for name in needed {
-            recipe.provide(&name, available, has_more)?;
+            let is_half = !reads_normal && NORMAL.iter().any(|part| is_same_name(part, &name));
+            recipe.provide(&name, if is_half { &[] } else { available }, has_more && !is_half)?;
         }
         Ok(recipe)
     }
@@ -92,7 +94,7 @@ impl Recipe {
             if !self.coordinates.contains(&axis) {
                 self.coordinates.push(axis);
             }
-        } else if let Some(column) = found(name, available) {
+        } else if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
             if !self.reads.contains(column) {
                 self.reads.push(column.clone());
             }
@@ -218,11 +220,10 @@ impl Recipe {
     }
 }
 
-/// The attribute of the cloud that has this name; none of a normal that is not all there.
-fn found<'a>(name: &str, available: &'a [String]) -> Option<&'a String> {
-    let find = |name: &str| available.iter().find(|column| is_same_name(column, name));
-    let is_normal = NORMAL.iter().any(|part| is_same_name(part, name));
-    find(name).filter(|_| !is_normal || NORMAL.iter().all(|part| find(part).is_some()))
+/// Whether the cloud has all parts of the normal that are needed: parts of two normals are none.
+fn has_normal(needed: &[String], available: &[String]) -> bool {
+    let has = |name: &str, names: &[String]| names.iter().any(|other| is_same_name(other, name));
+    NORMAL.iter().all(|part| !has(part, needed) || has(part, available))
 }
 
 /// The coordinates, the attributes of the cloud, and the features that can be computed.
