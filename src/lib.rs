@@ -45,6 +45,7 @@
 //! ```
 
 pub mod attribute;
+pub mod certificate;
 pub mod crew;
 pub mod error;
 pub mod expression;

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::certificate::{Certificate, Tally};
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
 use crate::label::SegmentId;
@@ -38,6 +39,7 @@ pub struct Pipeline {
     look_up: LookUp,
     progress: Progress,
     planes: LivePlanes,
+    certificate: Certificate,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -66,6 +68,8 @@ pub struct WovenWindow {
     pub first_segment_id: SegmentId,
     /// How many segments it has.
     pub segments: usize,
+    /// What was decided with it.
+    pub tally: Tally,
 }
 
 /// How far the run is.
@@ -112,6 +116,7 @@ impl Pipeline {
             look_up: Box::new(|_| Ok(())),
             progress: Progress::default(),
             planes: LivePlanes::default(),
+            certificate: Certificate::default(),
         }
     }
 
@@ -144,6 +149,11 @@ impl Pipeline {
     /// How far the run is.
     pub fn progress(&self) -> Progress {
         self.progress
+    }
+
+    /// What the run could prove so far; after the end, whether streamed and static are sure to be the same.
+    pub fn certificate(&self) -> Certificate {
+        self.certificate
     }
 
     /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
@@ -202,7 +212,7 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, .. } = match labels {
+        let Segmented { labels, seeded, planes, tally } = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -234,7 +244,9 @@ impl Pipeline {
             points: span_points.iter().sum(),
             first_segment_id,
             segments: labels.count(),
+            tally,
         });
+        self.certificate += tally;
         self.hand_out(evicted);
         let known = self.live.back().map_or(0, |span| span.index + 1);
         self.live.extend(spans.into_iter().filter(|span| span.index >= known));

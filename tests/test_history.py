@@ -75,6 +75,7 @@ def test_the_manifest_tells_the_truth(tmp_path: Path, data: Path) -> None:
             "sort": "native",
         },
         "promise": run.promise,
+        "certificate": run.certificate._asdict(),
         "complete": True,
         "points": 37_657,
         "spans": count,

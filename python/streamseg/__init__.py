@@ -42,9 +42,10 @@ from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
-from .stream import LeftOut, Progress, Span, Stream
+from .stream import Certificate, LeftOut, Progress, Span, Stream
 
 __all__ = [
+    "Certificate",
     "ConditionalClustering",
     "Dbscan",
     "FileError",

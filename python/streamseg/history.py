@@ -31,7 +31,11 @@ MANIFEST = "manifest.json"
 _COLUMNS = {
     "point_segment": ("point_id", "segment_id", "span"),
     "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
-    "window": ("window", "first_span", "spans", "points", "first_segment_id", "segments"),
+    "window": (
+        *("window", "first_span", "spans", "points", "first_segment_id", "segments"),
+        *("decided_edges", "waiting_edges", "decided_points", "waiting_points"),
+        *("returned_points", "early_decisions"),
+    ),
     "alias": ("segment_id", "becomes", "span"),
     "seedless": ("segment_id", "span"),
 }
@@ -96,8 +100,10 @@ class HistoryWriter:
         if self._waiting_rows >= _ROWS_PER_PART:
             self._write_part(complete=False)
 
-    def close(self, *, complete: bool) -> None:
-        """Write what waits and the manifest."""
+    def close(self, *, complete: bool, certificate: dict[str, int] | None = None) -> None:
+        """Write what waits and the manifest, with what the run could prove."""
+        if certificate is not None:
+            self._manifest["certificate"] = certificate
         self._write_part(complete=complete)
 
     def _write_part(self, *, complete: bool) -> None:
@@ -118,8 +124,8 @@ class HistoryWriter:
             "parts": part + 1,
         }
         if len(tables["window"]):
-            *_, first_segment_id, segments = tables["window"][-1]
-            manifest["segment_ids"] = int(first_segment_id + segments - 1)
+            last = dict(zip(_COLUMNS["window"], tables["window"][-1].tolist(), strict=True))
+            manifest["segment_ids"] = last["first_segment_id"] + last["segments"] - 1
         self._write_manifest(manifest)
         self._manifest = manifest
         self._waiting = {table: [] for table in _COLUMNS}

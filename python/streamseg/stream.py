@@ -44,6 +44,30 @@ class Progress(NamedTuple):
     """Seconds that the weaver has taken."""
 
 
+class Certificate(NamedTuple):
+    """What a run could prove. If nothing is undecided or early, the streamed partition is sure to be the static one."""
+
+    decided_edges: int
+    """Pairs of points decided; a pair counts in each window that decides it."""
+    undecided_edges: int
+    """Pairs of points that could not be decided: all that they depend on never came together."""
+    decided_points: int
+    """Points decided, by their features or neighbors; a point counts in each window that decides it."""
+    undecided_points: int
+    """Points that went out of scope before any window could decide them."""
+    returned_points: int
+    """Points of earlier windows brought back to be looked at again; a point counts each time."""
+    waited_points: int
+    """Points kept on disk until their surroundings had come."""
+    early_decisions: int
+    """Points decided though more of the cloud could still come to where they are."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing was left undecided, and nothing decided too early."""
+        return not (self.undecided_edges or self.undecided_points or self.early_decisions)
+
+
 class LeftOut(NamedTuple):
     """What final ids leave out: segments that are too small or too large, or hold no seed."""
 
@@ -152,6 +176,11 @@ class Stream:
         return progress if self._selected is None else progress._replace(segments=self._selected[0])
 
     @property
+    def certificate(self) -> Certificate:
+        """What the run could prove so far; after the end, whether streamed and static are sure to be the same."""
+        return Certificate(*self._core.certificate())
+
+    @property
     def left_out(self) -> LeftOut:
         """What the limits of the segmentor leave out of final ids; nothing until the first final ids come."""
         return LeftOut(0, 0) if self._selected is None else LeftOut(*self._selected[1:])
@@ -244,7 +273,7 @@ class Stream:
 
     def _end(self, *, complete: bool) -> None:
         if self._history is not None:
-            self._history.close(complete=complete)
+            self._history.close(complete=complete, certificate=self.certificate._asdict())
             self._history = None
         self._ended = True
 

@@ -4,20 +4,20 @@
 //! two: the [`Delaunay`] triangulation of the map, and the [`Grid`], which answers every [`Search`] by radius or number.
 
 mod cells;
-mod certificate;
 mod components;
 mod curve;
 mod delaunay;
 mod finder;
 mod grid;
+mod loaded;
 mod nearest;
 mod neighborhoods;
 mod search;
 mod vicinity;
 
-pub use certificate::Loaded;
 pub use delaunay::{Delaunay, Edge};
 pub use finder::Finder;
 pub use grid::{Grid, Neighbor};
+pub use loaded::Loaded;
 pub use neighborhoods::{Neighborhoods, support};
 pub use search::Search;

@@ -10,6 +10,7 @@ use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::segmentors::PyRecipe;
 use super::selection::SizeOptions;
 use super::spans::{PyWindowSize, span_by};
+use crate::certificate::Certificate;
 use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
@@ -181,6 +182,11 @@ impl PyPipeline {
         py.detach(|| self.lock().map(|pipeline| tuple(&pipeline.progress())))
     }
 
+    /// What the run could prove so far: the fields of `streamseg.Certificate`.
+    fn certificate(&self, py: Python<'_>) -> PyResult<CertificateTuple> {
+        py.detach(|| self.lock().map(|pipeline| certificate_tuple(&pipeline.certificate())))
+    }
+
     /// Entries of the point-segment and of the segment-segment table, counted one by one.
     fn live_entries(&self, py: Python<'_>) -> PyResult<(usize, usize)> {
         py.detach(|| self.lock().map(|pipeline| (pipeline.weaver().live_points(), pipeline.weaver().live_segments())))
@@ -218,6 +224,21 @@ fn tuple(progress: &Progress) -> ProgressTuple {
         progress.segment_ids,
         progress.segments,
         progress.weaving.as_secs_f64(),
+    )
+}
+
+/// Edges decided and undecided, points decided and undecided, points returned, points that waited, early decisions.
+type CertificateTuple = (u64, u64, u64, u64, u64, u64, u64);
+
+fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
+    (
+        certificate.decided_edges,
+        certificate.undecided_edges,
+        certificate.decided_points,
+        certificate.undecided_points,
+        certificate.returned_points,
+        certificate.waited_points,
+        certificate.early_decisions,
     )
 }
 
@@ -259,16 +280,33 @@ pub struct PySpan {
     /// The segments without a seed of the windows woven since the last span, (m,) int64.
     #[pyo3(get)]
     seedless: Py<PyArray1<i64>>,
-    /// The windows woven since the last span, (m, 6) int64: window, first span, spans, points, first segment id, segments.
+    /// The windows woven since the last span, (m, 12) int64: the columns of the history's table.
     #[pyo3(get)]
     windows: Py<PyArray2<i64>>,
     settles_at: u64,
 }
 
-fn window_row(woven: &WovenWindow) -> [i64; 6] {
+fn window_row(woven: &WovenWindow) -> [i64; 12] {
     let [index, first_span] = [woven.index, woven.first_span].map(|n| n as i64);
     let [spans, points, segments] = [woven.spans, woven.points, woven.segments].map(|n| n as i64);
-    [index, first_span, spans, points, woven.first_segment_id, segments]
+    let tally = woven.tally;
+    let [decided_edges, waiting_edges] = [tally.decided_edges, tally.waiting_edges].map(|n| n as i64);
+    let [decided_points, waiting_points] = [tally.decided_points, tally.waiting_points].map(|n| n as i64);
+    let [returned_points, early_decisions] = [tally.returned_points, tally.early_decisions].map(|n| n as i64);
+    [
+        index,
+        first_span,
+        spans,
+        points,
+        woven.first_segment_id,
+        segments,
+        decided_edges,
+        waiting_edges,
+        decided_points,
+        waiting_points,
+        returned_points,
+        early_decisions,
+    ]
 }
 
 impl PySpan {

@@ -19,6 +19,7 @@ pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 
 use std::ops::Range;
 
+use crate::certificate::Tally;
 use crate::error::Result;
 use crate::label::Labels;
 use crate::neighborhood::Search;
@@ -33,13 +34,13 @@ pub struct Segmented {
     pub seeded: Option<Vec<bool>>,
     /// The plane of each label, if segments of two windows are one only where their planes agree.
     pub planes: Option<Vec<Plane>>,
-    /// Points and pairs that this window could not decide, because it does not hold all that they depend on.
-    pub undecided: u64,
+    /// What this window decided, and what it could not because it does not hold all that it depends on.
+    pub tally: Tally,
 }
 
 impl From<Labels> for Segmented {
     fn from(labels: Labels) -> Self {
-        Self { labels, seeded: None, planes: None, undecided: 0 }
+        Self { labels, seeded: None, planes: None, tally: Tally::default() }
     }
 }
 
@@ -62,7 +63,7 @@ impl Segmented {
             labels,
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
-            undecided: self.undecided,
+            tally: self.tally,
         }
     }
 }

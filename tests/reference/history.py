@@ -15,7 +15,11 @@ Rows = NDArray[np.int64]
 COLUMNS = {
     "point_segment": ("point_id", "segment_id", "span"),
     "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
-    "window": ("window", "first_span", "spans", "points", "first_segment_id", "segments"),
+    "window": (
+        *("window", "first_span", "spans", "points", "first_segment_id", "segments"),
+        *("decided_edges", "waiting_edges", "decided_points", "waiting_points"),
+        *("returned_points", "early_decisions"),
+    ),
     "alias": ("segment_id", "becomes", "span"),
     "seedless": ("segment_id", "span"),
 }

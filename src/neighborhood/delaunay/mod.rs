@@ -19,8 +19,8 @@ use robust::{Coord, orient2d};
 use spade::handles::DirectedEdgeHandle;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
-use super::certificate::Loaded;
 use super::curve::curve_order;
+use super::loaded::Loaded;
 use cocircular::groups;
 
 /// Which points of a window share a place on the map, and which places are Delaunay neighbors.

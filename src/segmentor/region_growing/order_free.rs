@@ -11,6 +11,7 @@
 
 use super::surface::Surface;
 use super::{Neighbors, Segmented};
+use crate::certificate::Tally;
 use crate::label::Labels;
 use crate::union_find::UnionFind;
 use crate::window::Window;
@@ -49,7 +50,7 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
     let mut sets = UnionFind::new(points as usize);
     // A smooth point of the segment of each point.
     let mut members = vec![NOBODY; points as usize];
-    let mut undecided = 0;
+    let mut tally = Tally::default();
     for point in neighbors.order() {
         let mut is_decided = kind(point) != Kind::Unknown;
         if let Kind::Smooth | Kind::Rough = kind(point) {
@@ -71,9 +72,12 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
                 }
             }
         }
-        undecided += u64::from(!is_decided && window.is_own(&window.points()[point as usize]));
+        if window.is_own(&window.points()[point as usize]) {
+            tally.decided_points += u64::from(is_decided);
+            tally.waiting_points += u64::from(!is_decided);
+        }
     }
-    Segmented { undecided, ..labels(&members, &sets.into_representatives()).into() }
+    Segmented { tally, ..labels(&members, &sets.into_representatives()).into() }
 }
 
 fn labels(members: &[u32], representatives: &[u32]) -> Labels {
