@@ -11,9 +11,10 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, Tally};
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
+use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::{Plane, Segmented, Segmentor};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans};
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
 use crate::window::{Slider, Window, WindowSize};
@@ -40,6 +41,10 @@ pub struct Pipeline {
     progress: Progress,
     planes: LivePlanes,
     certificate: Certificate,
+    /// What windows leave open, where that can be decided later.
+    front: Option<Front>,
+    /// STUB
+    pub late: Vec<[SegmentId; 2]>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -100,7 +105,8 @@ impl Pipeline {
     /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
-        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
+        let exactness = segmentor.exactness();
+        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
         Self {
             spans: Some(spans),
             slider: slider.with_attributes(segmentor.reads()),
@@ -117,6 +123,8 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
+            front: matches!(exactness, Exactness::Proven { .. }).then(Front::default),
+            late: Vec::new(),
         }
     }
 
@@ -176,6 +184,12 @@ impl Pipeline {
             self.weave_window()?;
             return Ok(true);
         }
+        if let Some(front) = &mut self.front {
+            let joins = front.finish();
+            self.certificate.decided_edges += self.certificate.undecided_edges;
+            self.certificate.undecided_edges = 0;
+            self.late.extend(joins);
+        }
         let left = self.weaver.finish();
         self.hand_out(left);
         self.finished = true;
@@ -212,7 +226,7 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, tally } = match labels {
+        let Segmented { labels, seeded, planes, mut tally, frontier } = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -236,6 +250,9 @@ impl Pipeline {
             self.weaver.weave(&window, &self.crew)
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
+        if let Some(frontier) = frontier {
+            self.advance_front(&frontier, first_segment_id, &mut tally);
+        }
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
             index,
@@ -254,6 +271,16 @@ impl Pipeline {
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
+    }
+
+    /// Joins what the window just woven decides of what it and those before it left open.
+    fn advance_front(&mut self, frontier: &Frontier, first_segment_id: SegmentId, tally: &mut Tally) {
+        let Some(front) = &mut self.front else { return };
+        let decided = front.decided();
+        let joins = front.advance(frontier, first_segment_id);
+        tally.decided_edges += front.decided() - decided;
+        tally.waiting_edges = front.waiting() as u64;
+        self.late.extend(joins);
     }
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
