@@ -16,7 +16,7 @@ use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans};
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -43,8 +43,6 @@ pub struct Pipeline {
     certificate: Certificate,
     /// What windows leave open, where that can be decided later.
     front: Option<Front>,
-    /// STUB
-    pub late: Vec<[SegmentId; 2]>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -107,13 +105,15 @@ impl Pipeline {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
         let exactness = segmentor.exactness();
         let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let front = matches!(exactness, Exactness::Proven { .. }).then(Front::default);
+        let out_of_scope = front.as_ref().map_or_else(OutOfScope::default, |_| OutOfScope::awaited());
         Self {
             spans: Some(spans),
             slider: slider.with_attributes(segmentor.reads()),
             segmentor,
             crew,
             under_way: VecDeque::new(),
-            weaver: Weaver::default(),
+            weaver: Weaver::with_late_joins(out_of_scope),
             live: VecDeque::new(),
             ready: VecDeque::new(),
             untold: Vec::new(),
@@ -123,8 +123,7 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
-            front: matches!(exactness, Exactness::Proven { .. }).then(Front::default),
-            late: Vec::new(),
+            front,
         }
     }
 
@@ -184,12 +183,7 @@ impl Pipeline {
             self.weave_window()?;
             return Ok(true);
         }
-        if let Some(front) = &mut self.front {
-            let joins = front.finish();
-            self.certificate.decided_edges += self.certificate.undecided_edges;
-            self.certificate.undecided_edges = 0;
-            self.late.extend(joins);
-        }
+        self.finish_front()?;
         let left = self.weaver.finish();
         self.hand_out(left);
         self.finished = true;
@@ -252,7 +246,7 @@ impl Pipeline {
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
         if let Some(frontier) = frontier {
-            self.advance_front(&frontier, first_segment_id, &mut tally);
+            self.advance_front(index, &frontier, first_segment_id, &mut tally)?;
         }
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
@@ -275,13 +269,23 @@ impl Pipeline {
     }
 
     /// Joins what the window just woven decides of what it and those before it left open.
-    fn advance_front(&mut self, frontier: &Frontier, first_segment_id: SegmentId, tally: &mut Tally) {
-        let Some(front) = &mut self.front else { return };
+    fn advance_front(&mut self, window: u64, frontier: &Frontier, first: SegmentId, tally: &mut Tally) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
         let decided = front.decided();
-        let joins = front.advance(frontier, first_segment_id);
+        let joins = front.advance(frontier, first);
         tally.decided_edges += front.decided() - decided;
         tally.waiting_edges = front.waiting() as u64;
-        self.late.extend(joins);
+        self.weaver.join_late(&joins, window)?;
+        self.weaver.await_segments(&front.awaited());
+        Ok(())
+    }
+
+    /// Joins what still waits because the stream ended before the cloud did.
+    fn finish_front(&mut self) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let joins = front.finish();
+        self.certificate.decided_edges += std::mem::take(&mut self.certificate.undecided_edges);
+        self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
     }
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.

@@ -203,6 +203,7 @@ proptest! {
         let outcome = stream(&points, survey.lattice, Arc::new(segmentor), &run);
         prop_assert_eq!(canonical(&outcome.settled), canonical(&expected));
         prop_assert!(outcome.certificate.is_complete(), "{:?}", outcome.certificate);
+        check_ids(&outcome)?;
     }
 
     /// Class B: a streamed run joins no pair that some triangulation of the whole cloud lacks, and every pair whose
