@@ -1,7 +1,7 @@
 """Two partitions of the same points: whether they are one, how well they agree, and where they do not.
 
-Source: the adjusted index of Hubert and Arabie, "Comparing partitions" (1985), here in whole numbers of pairs. Departure:
-points without a segment count as one part, but only ever match points without a segment.
+Source: the adjusted index of Hubert and Arabie, "Comparing partitions" (1985), here in whole numbers of pairs.
+Departure: points without a segment count as one part, but only ever match points without a segment.
 """
 
 from __future__ import annotations
