@@ -161,7 +161,9 @@ fn graph(cloud: &[Place]) -> BTreeSet<Pair> {
     for &[x, y, z] in cloud {
         heights.entry([x, y]).or_default().push(z);
     }
-    heights.values_mut().for_each(|heights| heights.sort_unstable());
+    for heights in heights.values_mut() {
+        heights.sort_unstable();
+    }
     for stack in delaunay.stacks() {
         let [x, y, _] = place(stack.start);
         assert!(stack.clone().all(|at| place(at)[..2] == [x, y]), "a stack of several places");
