@@ -232,8 +232,9 @@ impl Pipeline {
                 labels: &labels,
                 seeded: seeded.as_deref(),
                 agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
+                returned: &[],
             };
-            self.weaver.weave(&window, &self.crew)
+            self.weaver.weave(&window, &self.crew)?
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
         self.progress.weaving += begun.elapsed();
