@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 import warnings
@@ -19,6 +20,8 @@ from reference.partition import same
 from reference.roster import houses
 from streamseg.cli import main
 from streamseg.cli.methods import METHODS, OPTIONS
+from streamseg.cli.segment import segment
+from streamseg.cli.verify import verify
 
 
 class Done(NamedTuple):
@@ -353,6 +356,25 @@ def test_verify_takes_the_methods_and_options_of_segment(run: Run, village: Path
         expected = ss.verify(village, segmentor, preprocess=ss.StatisticalOutlierRemoval(8), spans=ss.SpanByWidth(4.0))
     assert done.out == f"{expected}\n"
     assert done.status == (0 if expected.is_identical else 3)
+
+
+def test_verify_has_the_options_of_segment_and_uses_each() -> None:
+    options = set(inspect.signature(verify).parameters)
+    output = {"output", "result", "history", "preview", "overwrite"}
+    assert options == set(inspect.signature(segment).parameters) - output
+    used = {"inputs", "method", "settings", "outliers", "lonely", "voxel", "spans", "overlap", "quiet"}
+    used |= {name.removeprefix("--").replace("-", "_") for method in METHODS.values() for name in method.options}
+    used |= {name.removeprefix("--").replace("-", "_") for name in OPTIONS}
+    used |= {"span_width", "direction", "span_count", "span_time", "span_lines", "threads", "drop_invalid", "revisit"}
+    assert options <= used, "cli/verify.py has to hand these on too"
+
+
+def test_verify_of_a_damaged_file(run: Run, village: Path, tmp_path: Path) -> None:
+    (tmp_path / "cut.las").write_bytes(village.read_bytes()[:-5000])
+    done = run("verify", "cut.las", *words("--distance 0.3 --metric xy"))
+    assert done.status == 2
+    assert "damaged" in done.err
+    assert done.out.startswith("identical: ")
 
 
 def test_verify_refuses_what_segment_refuses(run: Run, village: Path) -> None:

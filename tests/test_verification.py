@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import warnings
 from collections import Counter
@@ -253,6 +254,28 @@ def test_sources_that_can_be_read_twice(tmp_path: Path) -> None:
     intensity = {"Intensity": np.arange(len(CLOUD)) % 3}
     assert ss.verify(CLOUD, bright, spans=spans, attributes=intensity).is_identical
     assert ss.verify(np.zeros((0, 3)), FAR).is_identical
+
+
+def test_it_takes_all_that_segment_takes() -> None:
+    taken = inspect.signature(ss.verify).parameters
+    for name, parameter in inspect.signature(ss.segment).parameters.items():
+        assert name in taken
+        assert taken[name].default == parameter.default
+
+
+def test_of_a_damaged_file_what_comes_before_is_compared(tmp_path: Path) -> None:
+    las = laspy.create(point_format=1, file_version="1.2")
+    las.header.scales = np.full(3, 0.125)
+    las.xyz = np.tile(CLOUD, (40, 1))
+    las.write(tmp_path / "whole.laz")
+    (tmp_path / "cut.laz").write_bytes((tmp_path / "whole.laz").read_bytes()[:-60_000])
+    with pytest.warns(ss.StreamsegWarning, match="damaged") as caught:
+        found = ss.verify(tmp_path / "cut.laz", FAR, spans=ss.SpanByWidth(5.0))
+    assert len(caught) == 1
+    assert found.damage is not None
+    assert "damaged" in found.damage
+    assert 1_500 < found.points < 60_000
+    assert found.is_identical
 
 
 def test_what_can_be_read_only_once_is_refused() -> None:

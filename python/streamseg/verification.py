@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._core import SpanByWidth, Window
+from ._core import SpanByCount, SpanByScanLine, SpanByTime, Window
 from .comparison import Difference, Ids, compare
 from .errors import InvalidInput, StreamsegWarning, warn
 from .run import SpanBy, Stages, in_input_order, segment_static, stream
@@ -21,12 +21,15 @@ from .stream import Certificate, Progress, Stream
 # What a whole cloud takes in memory, about: the triangulation of its map is the largest part of it.
 _BYTES_PER_POINT = 300
 
+_IN_STREAM_ORDER = (SpanByCount, SpanByTime, SpanByScanLine)
+
 _PAIRS_APART = (
-    "the spans are in stream order, so points in reach of each other need not share a window; use spans by width"
+    "the spans are in stream order, so points in reach of each other need not share a window; "
+    "use spans by width, or revisit=True"
 )
 _NOTHING_PROVEN = (
     "the spans are in stream order and do not say which part of the map they hold, so nothing can be proven at the "
-    "borders of windows; use spans by width"
+    "borders of windows; use spans by width, or revisit=True"
 )
 _NO_PROMISE = "the method makes no promise: the order of the points, or a window as a whole, decides in it"
 _DEFECT = "nothing that is known to part the two has happened, so this is a defect of streamseg: please report it"
@@ -60,6 +63,8 @@ class Verification:
     """Whether it could prove that it is the static result."""
     promise: str
     """What it said of itself beforehand."""
+    damage: str | None
+    """What could not be read, if the source is damaged; the points before it were compared."""
 
     def __str__(self) -> str:
         return "\n".join(self._lines())
@@ -97,13 +102,14 @@ def verify(
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Verification:
     """Segment a cloud as a stream and as a whole, and compare the two.
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, on_progress
+    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, revisit, on_progress
         As for `stream`. The cloud is read several times, so it cannot be an iterator, and has to fit in memory.
 
     Returns
@@ -138,6 +144,7 @@ def verify(
         )
     opened = open_source(source, attributes)
     _warn_of_size(opened.point_count)
+    more: dict[str, Any] = {"revisit": True} if revisit else {}
     run = stream(
         opened,
         segmentor,
@@ -149,6 +156,7 @@ def verify(
         preprocess=preprocess,
         on_progress=on_progress,
         with_points=False,
+        **more,
     )
     with run:
         streamed = in_input_order(run)
@@ -160,7 +168,7 @@ def verify(
         raise InvalidInput(f"source has {len(streamed):,} points when read once and {len(static):,} when read again")
     found = compare(static, streamed)
     is_identical = not len(found.differing)
-    in_stream_order = not (isinstance(spans, SpanByWidth) or (spans is None and opened.stored))
+    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or (spans is None and not opened.stored)
     return Verification(
         is_identical=is_identical,
         adjusted_rand_index=found.adjusted_rand_index,
@@ -170,10 +178,13 @@ def verify(
         differing=found.differing,
         differences=found.differences,
         positions=_positions(opened, [difference.point_id for difference in found.differences]),
-        reasons=() if is_identical else tuple(_reasons(run, preprocess, is_in_stream_order=in_stream_order)),
+        reasons=()
+        if is_identical
+        else tuple(_reasons(run, preprocess, is_in_stream_order=in_stream_order and not revisit)),
         certificate=run.certificate,
         is_proven=run.is_proven,
         promise=run.promise,
+        damage=opened.damage(),
     )
 
 

@@ -11,9 +11,10 @@ from .._core import Window
 from ..progress import ProgressBars
 from ..verification import verify as verify_run
 from . import methods
-from .arguments import DIFFERENT, Inputs, say
+from .arguments import DIFFERENT, WRONG, Inputs, say
 from .segment import _spans, segment
 
+_AS_THEY_ARE = ("threads", "drop_invalid", "revisit")
 _CUTS = ("span_width", "direction", "span_count", "span_time", "span_lines")
 _OF_OUTPUT = {"output", "result", "history", "preview", "overwrite"}
 
@@ -31,13 +32,14 @@ def verify(inputs: Inputs, **options: Any) -> None:
             preprocess=methods.stages(options["outliers"], options["lonely"], options["voxel"]),
             spans=_spans(segmentor, *(options[name] for name in _CUTS)),
             window=Window(options["spans"], options["overlap"]),
-            threads=options["threads"],
-            drop_invalid=options["drop_invalid"],
+            **{name: options[name] for name in _AS_THEY_ARE if name in options},
             on_progress=bars.on_progress,
         )
     say(str(verification), options["quiet"])
     if not verification.is_identical:
         raise typer.Exit(DIFFERENT)
+    if verification.damage is not None:
+        raise typer.Exit(WRONG)
 
 
 _parameters = inspect.signature(segment, eval_str=True).parameters
