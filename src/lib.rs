@@ -14,6 +14,7 @@
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
+//! | [`revisit`] | windows → windows that see earlier points around them |
 //! | [`pipeline`] | all of it, as an iterator |
 //! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
 //!
@@ -56,6 +57,7 @@ pub mod neighborhood;
 pub mod pipeline;
 pub mod preprocessing;
 pub mod recipe;
+pub mod revisit;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;

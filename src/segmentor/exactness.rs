@@ -87,6 +87,21 @@ impl Exactness {
         }
     }
 
+    /// Whether more points can only join more: what a window joins is one in the whole cloud too.
+    pub fn is_monotone(self) -> bool {
+        matches!(self, Exactness::ByLocality { .. })
+    }
+
+    /// How far around a window earlier points have to be brought back where a stream may come back to any place; none if
+    /// that cannot be told.
+    pub fn revisit_reach(self) -> Option<f64> {
+        let reach = match self {
+            Exactness::ByLocality { reach } | Exactness::Proven { reach } => reach,
+            Exactness::WithHalo { reach, halo } | Exactness::Measured { reach, halo } => reach + halo,
+        };
+        Some(reach).filter(|reach| *reach > 0.0 && reach.is_finite())
+    }
+
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
