@@ -163,7 +163,7 @@ impl Taken {
         self.origins.extend(kept.iter().map(|&i| Origin::Known(stored.raw_ids[i])));
         self.points.point_ids.extend(kept.iter().map(|&i| stored.point_ids[i]));
         self.points.points.extend(kept.iter().map(|&i| stored.points[i]));
-        self.add_attributes(&stored.attributes, kept.iter().copied());
+        self.add_attributes(&stored.attributes, || kept.iter().copied());
     }
 
     fn add_recent(&mut self, Near { recent, positions }: &Near) {
@@ -173,13 +173,13 @@ impl Taken {
         self.origins.extend(positions.iter().map(|&position| Origin::Recent { which, position }));
         self.points.point_ids.extend(at().map(|i| recent.span.point_id(i)));
         self.points.points.extend(at().map(|i| recent.span.points[i]));
-        self.add_attributes(&recent.span.attributes, at());
+        self.add_attributes(&recent.span.attributes, at);
     }
 
-    fn add_attributes(&mut self, attributes: &[Vec<f64>], kept: impl Iterator<Item = usize> + Clone) {
+    fn add_attributes<I: Iterator<Item = usize>>(&mut self, attributes: &[Vec<f64>], kept: impl Fn() -> I) {
         self.points.attributes.resize_with(attributes.len().max(self.points.attributes.len()), Vec::new);
         for (values, others) in self.points.attributes.iter_mut().zip(attributes) {
-            values.extend(kept.clone().map(|i| others[i]));
+            values.extend(kept().map(|i| others[i]));
         }
     }
 
