@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::segmentor::{Plane, Segmented, Segmentor};
-use crate::span::{Span, Spans};
+use crate::span::{Span, Spans, Waits};
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
@@ -188,7 +188,12 @@ impl Pipeline {
             self.segment_window(window);
             return true;
         }
-        match self.spans.as_mut().map(Iterator::next) {
+        let next = self.spans.as_mut().map(Iterator::next);
+        if let Some(spans) = &self.spans {
+            let Waits { points, most } = spans.waits();
+            (self.certificate.waited_points, self.certificate.most_waiting) = (points, most);
+        }
+        match next {
             Some(Some(Ok(span))) => self.slider.push(span),
             Some(ended) => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.

@@ -78,6 +78,16 @@ impl Exactness {
         }
     }
 
+    /// Whether more points can only join more, so that no decision can come too early.
+    pub fn is_monotone(self) -> bool {
+        matches!(self, Exactness::ByLocality { .. })
+    }
+
+    /// Whether there is a limit to how far away what decides about a point can be.
+    pub fn is_bounded(self) -> bool {
+        self.halo() != Halo::Span
+    }
+
     fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
@@ -168,6 +178,16 @@ impl Exactness {
             _ => None,
         };
         Assessment { class, is_identical, sentence: sentence.into(), warning }
+    }
+}
+
+impl Assessment {
+    /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
+    /// order of its stream.
+    #[must_use]
+    pub fn finalized(mut self) -> Self {
+        self.sentence += "; decisions wait until their region is final";
+        self
     }
 }
 

@@ -112,6 +112,14 @@ def segment(
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
     spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
     overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
+    revisit: Annotated[
+        bool,
+        typer.Option(
+            "--revisit",
+            help="Find the same segments where the stream comes back to where it has been.",
+            rich_help_panel=_SPANS,
+        ),
+    ] = False,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
     threads: Annotated[int | None, typer.Option(max=MOST, help="Windows at a time. [default: all cores]")] = None,
@@ -164,6 +172,7 @@ def segment(
             preprocess=methods.stages(outliers, lonely, voxel),
             spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
             window=Window(spans, overlap),
+            revisit=revisit,
             history=history,
             result=result.value,
             threads=threads,
