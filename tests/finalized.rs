@@ -15,16 +15,18 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clouds::{cases, cloud, squared_distance, survey};
 use oracle::partition::canonical;
 use proptest::prelude::*;
-use proptest::test_runner::TestRunner;
-use streaming::{chunks_of, gather, point_ids, static_labels};
+use streaming::{Run, chunks_of, gather, point_ids, static_labels, stream};
 use streamseg::crew::Crew;
-use streamseg::error::{Error, Result};
+use streamseg::error::Error;
 use streamseg::features::Fit;
 use streamseg::lattice::{Lattice, Metric};
+use streamseg::neighborhood::Search;
 use streamseg::pipeline::Pipeline;
+use streamseg::preprocessing::{Representative, Stage, VoxelGrid};
 use streamseg::recipe::{Ingredients, Recipe};
-use streamseg::segmentor::{Dbscan, RegionGrowing, Segmentor};
-use streamseg::span::{Chunk, Counting, Direction, SlabCounts, Span, SpanBy, SpanSource, finalized_spans_of};
+use streamseg::segmentor::{Dbscan, Growth, Proximity, RegionGrowing, Segmentor};
+use streamseg::span::{Counting, Direction, SlabCounts, Source, Span, SpanBy, finalized_spans_of};
+use streamseg::weaver::Selection;
 use streamseg::window::WindowSize;
 
 type Points = Vec<[f64; 3]>;
@@ -63,7 +65,14 @@ fn final_after(points: &[[f64; 3]], width: i64, direction: Direction) -> BTreeMa
         last.insert(slab_of(point, width, direction), id);
     }
     let mut latest = 0;
-    last.into_iter().map(|(slab, last)| (slab, { latest = latest.max(last); latest })).collect()
+    last.into_iter()
+        .map(|(slab, last)| {
+            (slab, {
+                latest = latest.max(last);
+                latest
+            })
+        })
+        .collect()
 }
 
 /// How many points wait at the most when they come one by one: after each point, those whose slab is not final yet.
@@ -74,8 +83,7 @@ fn most_waiting(points: &[[f64; 3]], width: i64, direction: Direction) -> u64 {
     (0..points.len()).map(|now| (0..=now).filter(|&id| of_point(id) >= now).count() as u64).max().unwrap_or(0)
 }
 
-const DIRECTIONS: [Direction; 4] =
-    [Direction::X, Direction::Y, Direction::Azimuth(270.0), Direction::Azimuth(180.0)];
+const DIRECTIONS: [Direction; 4] = [Direction::X, Direction::Y, Direction::Azimuth(270.0), Direction::Azimuth(180.0)];
 
 /// Clouds that mostly follow a direction, as a survey does, or are in any order.
 fn in_some_order() -> impl Strategy<Value = Points> {
@@ -208,14 +216,117 @@ proptest! {
         if let Some(failure) = failure {
             prop_assert!(matches!(failure, Error::Changed { .. }), "{}", failure);
         }
-        // All that was read comes out, but for what the cutter still held of a chunk.
+        // All that was read comes out, but for what of a chunk had not become a span.
         prop_assert!(ids.iter().enumerate().all(|(i, &id)| i as i64 == id));
-        prop_assert!(ids.len() <= read.max(others.len()) && (!same || ids.len() == others.len()));
+        prop_assert!((by != SpanBy::Given && !same) || ids.len() == read);
     }
 }
 
-fn growing(radius: f64) -> Arc<dyn Segmentor> {
-    let segmentor = Arc::new(RegionGrowing::new(6, Some(radius)).unwrap());
-    let ingredients = Ingredients { stages: vec![], filter: None, seed_filter: None, fit: Fit::default(), segmentor };
+fn prepared(stages: Vec<Arc<dyn Stage>>, segmentor: Arc<dyn Segmentor>) -> Arc<dyn Segmentor> {
+    let ingredients = Ingredients { stages, filter: None, seed_filter: None, fit: Fit::default(), segmentor };
     Arc::new(Recipe::new(ingredients, &[], false).unwrap())
+}
+
+/// Segmentors whose decisions more points can undo: DBSCAN, computed normals, voxels.
+fn segmentor(kind: usize, length: f64) -> Arc<dyn Segmentor> {
+    match kind {
+        0 => Arc::new(Dbscan::new(length, 3, Metric::Xyz).unwrap()),
+        1 => {
+            let search = Search::nearest(5, Some(length)).unwrap();
+            let growth = Growth { search, angle_deg: 20.0, ..Growth::default() };
+            prepared(vec![], Arc::new(RegionGrowing::new(growth).unwrap()))
+        }
+        _ => {
+            let voxels = Arc::new(VoxelGrid::new(length, Representative::Centroid).unwrap());
+            prepared(vec![voxels], Arc::new(Proximity::new(length, Metric::Xy).unwrap()))
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(256))]
+
+    /// In any order of the points, cut in stream order as one likes, the streamed result is the static one.
+    #[test]
+    fn in_any_order_of_the_stream_the_result_is_the_static_one(
+        cloud in cloud(), survey in survey(), squared in squared_distance(), kind in 0usize..3, spare in 0i64..9,
+        by in cut(), size in (2usize..5).prop_flat_map(|spans| (Just(spans), 1..spans)), sizes in chunk_sizes(),
+        threads in 1usize..4,
+    ) {
+        let points = survey.told(&cloud);
+        let length = (squared as f64).sqrt() * survey.unit;
+        let segmentor = segmentor(kind, length);
+        prop_assert!(!segmentor.exactness().is_monotone() && segmentor.exactness().is_bounded());
+        // More than the reach of all of them.
+        let width = (5.0 * length) * (1.0 + 1e-5) + spare as f64 * survey.unit;
+        let counts = counted(&points, width, &survey.lattice, &sizes);
+        let size = WindowSize::new(size.0, size.1).unwrap();
+        let assessment = segmentor.exactness().assess(counts.by(), size, &survey.lattice).finalized();
+        prop_assert!(assessment.is_identical, "{:?}", assessment);
+
+        let spans = finalized_spans_of(chunks_of(&points, &sizes).into_iter().map(Ok), by, &survey.lattice, &counts);
+        let crew = Crew::new(threads).unwrap();
+        let pipeline = Pipeline::new(spans.unwrap(), survey.lattice, Arc::clone(&segmentor), size, crew);
+        let outcome = gather(pipeline, points.len());
+        let expected = static_labels(&points, survey.lattice, &*segmentor);
+        prop_assert_eq!(canonical(&outcome.settled), canonical(&expected));
+    }
+}
+
+/// Without waiting, spans in the order of a stream that comes back split what belongs together: so the property above can fail.
+#[test]
+fn without_waiting_a_stream_that_comes_back_is_split() {
+    // One row there, another back, half a step beside it.
+    let there = (0..100).map(|i| [f64::from(i), 0.0, 0.0]);
+    let back = (0..100).rev().map(|i| [f64::from(i), 0.5, 0.0]);
+    let points: Points = there.chain(back).collect();
+    let dbscan: Arc<dyn Segmentor> = Arc::new(Dbscan::new(0.8, 2, Metric::Xyz).unwrap());
+    let expected = canonical(&static_labels(&points, Lattice::REAL, &*dbscan));
+    let (by, size) = (SpanBy::Count { points: 10 }, WindowSize::default());
+    let run = Run { by, size, source: Source::Stored, chunks: vec![7], threads: 1 };
+    assert_ne!(canonical(&stream(&points, Lattice::REAL, Arc::clone(&dbscan), &run).settled), expected);
+
+    let counts = counted(&points, 4.0, &Lattice::REAL, &[7]);
+    let chunks = chunks_of(&points, &[7]).into_iter().map(Ok);
+    let spans = finalized_spans_of(chunks, by, &Lattice::REAL, &counts).unwrap();
+    let mut pipeline = Pipeline::new(spans, Lattice::REAL, dbscan, size, Crew::new(1).unwrap());
+    let mut finals = vec![-1; points.len()];
+    for out in pipeline.by_ref().map(Result::unwrap) {
+        point_ids(&out.span)
+            .iter()
+            .zip(&out.segmented.carried_ids)
+            .for_each(|(&id, &carried)| finals[id as usize] = carried);
+    }
+    pipeline.aliases().resolve(&mut finals, &Selection::default()).unwrap();
+    assert_eq!(canonical(&finals), expected);
+    // All that came on the way there had to wait, and on the way back those in whose slab a span ends.
+    let certificate = pipeline.certificate();
+    assert_eq!((counts.direction(), certificate.most_waiting), (Direction::Azimuth(270.0), 100));
+    assert!((100..125).contains(&certificate.waited_points), "{certificate:?}");
+}
+
+#[test]
+fn a_stopped_source_hands_on_nothing_that_has_holes() {
+    let points: Points = (0..100).map(|i| [f64::from(i % 50), 0.0, 0.0]).collect();
+    let counts = counted(&points, 10.0, &Lattice::REAL, &[7]);
+    let chunks = chunks_of(&points, &[7]).into_iter().map(Ok);
+    let mut spans = finalized_spans_of(chunks, SpanBy::Count { points: 5 }, &Lattice::REAL, &counts).unwrap();
+    assert_eq!(spans.next().unwrap().unwrap().len(), 20);
+    spans.stop();
+    assert!(spans.next().is_none());
+}
+
+#[test]
+fn a_failing_source_is_told_after_what_was_final() {
+    let points: Points = (0..100).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+    let counts = counted(&points, 10.0, &Lattice::REAL, &[7]);
+    let failing = (0..).map(move |i| {
+        if i == 5 { Err(Error::Foreign("gone".into())) } else { Ok(streaming::chunk(&points[7 * i..7 * i + 7])) }
+    });
+    let by = SpanBy::Count { points: 5 };
+    let mut spans = finalized_spans_of(failing, by, &Lattice::REAL, &counts).unwrap();
+    // The slabs from 0 to 10, 20 and 30; of the fourth only half has come.
+    let come: Vec<usize> = spans.by_ref().map_while(Result::ok).map(|span| span.len()).collect();
+    assert_eq!(come, [10, 10, 10]);
+    assert!(spans.next().is_none());
 }

@@ -14,8 +14,7 @@ use crate::error::{Result, positive};
 use crate::lattice::Lattice;
 
 /// Along both axes, forward and backward: there slabs are exact wherever the lattice is.
-const DIRECTIONS: [Direction; 4] =
-    [Direction::X, Direction::Y, Direction::Azimuth(270.0), Direction::Azimuth(180.0)];
+const DIRECTIONS: [Direction; 4] = [Direction::X, Direction::Y, Direction::Azimuth(270.0), Direction::Azimuth(180.0)];
 
 /// The first reading of a cloud, chunk by chunk. Its memory is that of the slabs, not of the points.
 pub struct Counting {

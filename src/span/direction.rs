@@ -236,7 +236,11 @@ mod tests {
                 let off = way.rem_euclid(30);
                 for radius in 0..31 {
                     let holds = radius <= off && radius < 30 - off;
-                    assert_eq!(extent.holds(&point, radius as f64 * 0.01, &lattice), holds, "{degrees} {steps} {radius}");
+                    assert_eq!(
+                        extent.holds(&point, radius as f64 * 0.01, &lattice),
+                        holds,
+                        "{degrees} {steps} {radius}"
+                    );
                 }
             }
         }

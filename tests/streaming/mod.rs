@@ -100,13 +100,17 @@ pub fn stream_with(
     segmentor: Arc<dyn Segmentor>,
     run: &Run,
 ) -> Outcome {
-    let mut pipeline = pipeline_with(points, attributes, lattice, segmentor, run);
+    gather(pipeline_with(points, attributes, lattice, segmentor, run), points.len())
+}
+
+/// Runs a pipeline over so many points to the end.
+pub fn gather(mut pipeline: Pipeline, points: usize) -> Outcome {
     let outgoing: Vec<Outgoing> = pipeline.by_ref().map(Result::unwrap).collect();
     assert!(pipeline.next().is_none(), "an exhausted pipeline stays so");
     assert_eq!((pipeline.weaver().live_points(), pipeline.weaver().live_segments()), (0, 0));
 
     let point_ids: Vec<Vec<i64>> = outgoing.iter().map(|out| point_ids(&out.span)).collect();
-    let by_point = |ids: &dyn Fn(usize) -> Vec<i64>| once_each(points.len(), &point_ids, ids);
+    let by_point = |ids: &dyn Fn(usize) -> Vec<i64>| once_each(points, &point_ids, ids);
     let raw = by_point(&|span| outgoing[span].segmented.raw_ids.clone());
     let carried = by_point(&|span| outgoing[span].segmented.carried_ids.clone());
     let (mut resolved_raw, mut resolved_carried) = (raw.clone(), carried.clone());
