@@ -123,3 +123,76 @@ impl<S: Iterator<Item = Result<Span>> + Send> SpanSource for Finalized<S> {
         self.waits
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Counting, Cutter, PointIds, SpanBy};
+    use super::*;
+    use proptest::prelude::*;
+
+    fn chunks(xs: &[f64], size: usize) -> Vec<Chunk> {
+        let chunk =
+            |xs: &[f64]| Chunk { points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(), attributes: vec![xs.to_vec()] };
+        xs.chunks(size).map(chunk).collect()
+    }
+
+    fn finalized(
+        xs: &[f64],
+        width: f64,
+        size: usize,
+        by: SpanBy,
+        memory: usize,
+    ) -> Finalized<impl Iterator<Item = Result<Span>>> {
+        let mut counting = Counting::new(width, &Lattice::REAL).unwrap();
+        chunks(xs, size).iter().for_each(|chunk| counting.add(chunk).unwrap());
+        let spans = Cutter::new(chunks(xs, size).into_iter().map(Ok), by, &Lattice::REAL);
+        let mut finalized = Finalized::new(spans, &counting.finish(), &Lattice::REAL);
+        finalized.spool.memory = memory;
+        finalized
+    }
+
+    proptest! {
+        /// Also from disk, where what has been handed on leaves room for what comes later.
+        #[test]
+        fn every_point_comes_out_once_with_its_attributes(
+            xs in prop::collection::vec(prop_oneof![6 => -50.0f64..50.0, 1 => Just(f64::NAN)], 1..300),
+            strays in 0.0f64..80.0,
+            size in 1usize..50,
+            points in 1usize..50,
+            memory in prop_oneof![Just(1usize), Just(500), Just(2000), Just(usize::MAX)],
+        ) {
+            // A stream that goes along x, more or less.
+            let count = xs.len() as f64;
+            let xs: Vec<f64> = xs.iter().enumerate().map(|(i, x)| i as f64 / count * 100.0 + x * strays / 50.0).collect();
+            let mut slabs = finalized(&xs, 7.0, size, SpanBy::Count { points }, memory);
+            let mut seen = vec![false; xs.len()];
+            for span in slabs.by_ref() {
+                let span = span.unwrap();
+                let PointIds::Listed(ids) = &span.point_ids else { panic!("listed") };
+                prop_assert!(ids.windows(2).all(|w| w[0] < w[1]));
+                prop_assert_eq!(span.attributes.first().map_or(0, Vec::len), ids.len());
+                for ((&id, point), value) in ids.iter().zip(&span.points).zip(&span.attributes[0]) {
+                    prop_assert!(!std::mem::replace(&mut seen[id as usize], true));
+                    prop_assert_eq!(value.to_bits(), xs[id as usize].to_bits());
+                    prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
+                }
+            }
+            prop_assert!(seen.into_iter().all(|s| s));
+            prop_assert_eq!(slabs.spool.points(), 0);
+            prop_assert!(slabs.spool.bytes_on_disk() <= 40 * xs.len() as u64);
+        }
+    }
+
+    #[test]
+    fn disk_is_needed_for_those_that_wait_at_the_same_time_only() {
+        // Forward along x, each tenth point in a place that is reached later.
+        let xs: Vec<f64> = (0..100_000).map(|i| f64::from(i / 10) + if i % 10 == 0 { 300.0 } else { 0.0 }).collect();
+        let mut slabs = finalized(&xs, 20.0, 1000, SpanBy::Count { points: 500 }, 10_000);
+        let read: usize = slabs.by_ref().map(|span| span.unwrap().len()).sum();
+        assert_eq!(read, 100_000);
+        let most = slabs.waits().most;
+        assert!((400..1000).contains(&most), "{most}");
+        let kept = slabs.spool.bytes_on_disk() / 40;
+        assert!(kept > 0 && kept < 3 * most, "room for {kept} points, at the most {most} waited");
+    }
+}

@@ -118,6 +118,12 @@ impl Spool {
         })
     }
 
+    /// How long the file is.
+    #[cfg(test)]
+    pub(super) fn bytes_on_disk(&self) -> u64 {
+        self.file.end
+    }
+
     /// Forgets everything that waits.
     pub(super) fn clear(&mut self) {
         self.slabs.clear();
