@@ -36,11 +36,11 @@ def slabs_for(
     Returns
     -------
     spans : SpanByWidth
-        As wide as the spans that the segmentor gets if none are given, along the direction of ``"x"``, ``"y"``, 270.0 and
-        180.0 (x and y backward) in which the fewest points wait.
+        As wide as the spans that the segmentor gets if none are given, along that direction out of ``"x"``, ``"y"``,
+        270.0 and 180.0 (x and y backward) in which the fewest points wait.
     counts : SlabCounts or None
-        How many points each slab will get. None where nothing can be final before all has come, because there is no limit
-        to how far away what decides about a point can be; then spans are by width.
+        How many points each slab will get. None where nothing can be final before all has come, because there is no
+        limit to how far away what decides about a point can be; then spans are by width.
 
     Raises
     ------

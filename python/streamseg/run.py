@@ -87,9 +87,10 @@ def stream(
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
     revisit : bool, default False
-        Find the same segments where the stream comes back to where it has been. The points of files, an array or a list of
-        arrays are counted in a pass of their own; then they wait, on disk where they are many, until their surroundings
-        have come, and come out slab by slab. Spans by width of a stored cloud hold all of their part of the map anyway.
+        Find the same segments where the stream comes back to where it has been. The points of files, an array or a list
+        of arrays are counted in a pass of their own; then they wait, on disk where they are many, until their
+        surroundings have come, and come out slab by slab. Spans by width of a stored cloud hold all of their part of
+        the map anyway.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
