@@ -33,7 +33,9 @@ type Points = Vec<[f64; 3]>;
 
 fn counted(points: &[[f64; 3]], width: f64, lattice: &Lattice, sizes: &[usize]) -> SlabCounts {
     let mut counting = Counting::new(width, lattice).unwrap();
-    chunks_of(points, sizes).iter().for_each(|chunk| counting.add(chunk).unwrap());
+    for chunk in chunks_of(points, sizes) {
+        counting.add(&chunk).unwrap();
+    }
     counting.finish()
 }
 

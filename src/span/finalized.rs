@@ -30,7 +30,9 @@ impl<S: Iterator<Item = Result<Span>>> Finalized<S> {
     /// Lays `spans`, whose coordinates lie on `lattice`, into the slabs that were counted.
     pub fn new(spans: S, counts: &SlabCounts, lattice: &Lattice) -> Self {
         let mut spool = Spool::new(counts.slab_of(lattice), *lattice);
-        counts.slabs().keys().for_each(|&at| spool.expect(at));
+        for &at in counts.slabs().keys() {
+            spool.expect(at);
+        }
         Self {
             spans: Some(spans),
             spool,
@@ -144,7 +146,9 @@ mod tests {
         memory: usize,
     ) -> Finalized<impl Iterator<Item = Result<Span>>> {
         let mut counting = Counting::new(width, &Lattice::REAL).unwrap();
-        chunks(xs, size).iter().for_each(|chunk| counting.add(chunk).unwrap());
+        for chunk in chunks(xs, size) {
+            counting.add(&chunk).unwrap();
+        }
         let spans = Cutter::new(chunks(xs, size).into_iter().map(Ok), by, &Lattice::REAL);
         let mut finalized = Finalized::new(spans, &counting.finish(), &Lattice::REAL);
         finalized.spool.memory = memory;
