@@ -11,11 +11,12 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, Tally};
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
+use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::{Plane, Segmented, Segmentor};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans, Waits};
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -40,6 +41,8 @@ pub struct Pipeline {
     progress: Progress,
     planes: LivePlanes,
     certificate: Certificate,
+    /// What windows leave open, where that can be decided later.
+    front: Option<Front>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -100,14 +103,17 @@ impl Pipeline {
     /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
-        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
+        let exactness = segmentor.exactness();
+        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let front = matches!(exactness, Exactness::Proven { .. }).then(Front::default);
+        let out_of_scope = front.as_ref().map_or_else(OutOfScope::default, |_| OutOfScope::awaited());
         Self {
             spans: Some(spans),
             slider: slider.with_attributes(segmentor.reads()),
             segmentor,
             crew,
             under_way: VecDeque::new(),
-            weaver: Weaver::default(),
+            weaver: Weaver::with_late_joins(out_of_scope),
             live: VecDeque::new(),
             ready: VecDeque::new(),
             untold: Vec::new(),
@@ -117,6 +123,7 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
+            front,
         }
     }
 
@@ -176,6 +183,7 @@ impl Pipeline {
             self.weave_window()?;
             return Ok(true);
         }
+        self.finish_front()?;
         let left = self.weaver.finish();
         self.hand_out(left);
         self.finished = true;
@@ -217,7 +225,7 @@ impl Pipeline {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, tally } = match labels {
+        let Segmented { labels, seeded, planes, mut tally, frontier } = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -237,10 +245,14 @@ impl Pipeline {
                 labels: &labels,
                 seeded: seeded.as_deref(),
                 agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
+                returned: &[],
             };
-            self.weaver.weave(&window, &self.crew)
+            self.weaver.weave(&window, &self.crew)?
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
+        if let Some(frontier) = frontier {
+            self.advance_front(index, &frontier, first_segment_id, &mut tally)?;
+        }
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
             index,
@@ -259,6 +271,26 @@ impl Pipeline {
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
+    }
+
+    /// Joins what the window just woven decides of what it and those before it left open.
+    fn advance_front(&mut self, window: u64, frontier: &Frontier, first: SegmentId, tally: &mut Tally) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let decided = front.decided();
+        let joins = front.advance(frontier, first);
+        tally.decided_edges += front.decided() - decided;
+        tally.waiting_edges = front.waiting() as u64;
+        self.weaver.join_late(&joins, window)?;
+        self.weaver.await_segments(&front.awaited());
+        Ok(())
+    }
+
+    /// Joins what still waits because the stream ended before the cloud did.
+    fn finish_front(&mut self) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let joins = front.finish();
+        self.certificate.decided_edges += std::mem::take(&mut self.certificate.undecided_edges);
+        self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
     }
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.

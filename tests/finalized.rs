@@ -229,11 +229,12 @@ fn prepared(stages: Vec<Arc<dyn Stage>>, segmentor: Arc<dyn Segmentor>) -> Arc<d
     Arc::new(Recipe::new(ingredients, &[], false).unwrap())
 }
 
-/// Segmentors whose decisions more points can undo: DBSCAN, computed normals, voxels.
+/// Segmentors whose decisions more points can undo: edges in space, DBSCAN, computed normals, voxels.
 fn segmentor(kind: usize, length: f64) -> Arc<dyn Segmentor> {
     match kind {
-        0 => Arc::new(Dbscan::new(length, 3, Metric::Xyz).unwrap()),
-        1 => {
+        0 => Arc::new(Proximity::new(length, Metric::Xyz).unwrap()),
+        1 => Arc::new(Dbscan::new(length, 3, Metric::Xyz).unwrap()),
+        2 => {
             let search = Search::nearest(5, Some(length)).unwrap();
             let growth = Growth { search, angle_deg: 20.0, ..Growth::default() };
             prepared(vec![], Arc::new(RegionGrowing::new(growth).unwrap()))
@@ -251,7 +252,7 @@ proptest! {
     /// In any order of the points, cut in stream order as one likes, the streamed result is the static one.
     #[test]
     fn in_any_order_of_the_stream_the_result_is_the_static_one(
-        cloud in cloud(), survey in survey(), squared in squared_distance(), kind in 0usize..3, spare in 0i64..9,
+        cloud in cloud(), survey in survey(), squared in squared_distance(), kind in 0usize..4, spare in 0i64..9,
         by in cut(), size in (2usize..5).prop_flat_map(|spans| (Just(spans), 1..spans)), sizes in chunk_sizes(),
         threads in 1usize..4,
     ) {
@@ -272,6 +273,7 @@ proptest! {
         let outcome = gather(pipeline, points.len());
         let expected = static_labels(&points, survey.lattice, &*segmentor);
         prop_assert_eq!(canonical(&outcome.settled), canonical(&expected));
+        prop_assert!(outcome.certificate.is_complete(), "{:?}", outcome.certificate);
     }
 }
 

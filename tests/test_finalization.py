@@ -43,6 +43,7 @@ def finalized(source: Any, segmentor: Any, **options: Any) -> tuple[NDArray[np.i
         ("als/topography.laz", ss.Dbscan(3.0, 6), ss.SpanByTime(0.5)),
         ("als/topography.laz", ss.RegionGrowing(k=15, search_radius=4.0), ss.SpanByTime(0.5)),
         ("als/autzen_trim.laz", ss.Dbscan(2.0, 6), ss.SpanByScanLine(50)),
+        ("als/autzen_trim.laz", ss.Proximity(2.0), ss.SpanByCount(10_000)),
         ("als/mixed_conifer.laz", ss.PlaneExtraction(1.5, tile_size=6.0), ss.SpanByCount(3_000)),
     ],
     ids=repr,
@@ -102,7 +103,7 @@ def test_spans_given_in_any_order_are_one(data: Path) -> None:
 
 
 def test_what_comes_out_is_what_comes_by_width(data: Path) -> None:
-    # The same slabs, so the same ids, also where not every edge can be proven.
+    # The same slabs, so the same ids and the same proof.
     path = data / "als" / "topography.laz"
     segmentor = ss.Proximity(4.0)
     slabs, counts = slabs_for(open_source(path), Recipe(segmentor, [], [], False))
@@ -110,7 +111,9 @@ def test_what_comes_out_is_what_comes_by_width(data: Path) -> None:
     assert counts.points == 73_403
     labels, run = finalized(path, segmentor, spans=ss.SpanByCount(5_000))
     assert np.array_equal(labels, ss.segment(path, segmentor, spans=slabs))
-    assert agreement(labels, ss.segment_static(path, segmentor)) > 0.99
+    assert same(labels, ss.segment_static(path, segmentor))
+    assert run.is_proven
+    assert run.certificate.decided_edges > 100_000
     assert run.certificate.most_waiting <= counts.most_waiting
 
 

@@ -21,6 +21,7 @@ use std::ops::Range;
 
 use crate::certificate::Tally;
 use crate::error::Result;
+use crate::front::Frontier;
 use crate::label::Labels;
 use crate::neighborhood::Search;
 use crate::window::Window;
@@ -36,11 +37,13 @@ pub struct Segmented {
     pub planes: Option<Vec<Plane>>,
     /// What this window decided, and what it could not because it does not hold all that it depends on.
     pub tally: Tally,
+    /// What later windows may decide of it, where they can.
+    pub frontier: Option<Frontier>,
 }
 
 impl From<Labels> for Segmented {
     fn from(labels: Labels) -> Self {
-        Self { labels, seeded: None, planes: None, tally: Tally::default() }
+        Self { labels, seeded: None, planes: None, tally: Tally::default(), frontier: None }
     }
 }
 
@@ -64,6 +67,8 @@ impl Segmented {
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
             tally: self.tally,
+            // Labels have other numbers now, and places may lack the points that made them what they were.
+            frontier: None,
         }
     }
 }
