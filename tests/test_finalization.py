@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, overload
@@ -260,6 +262,17 @@ def test_a_file_that_grows_meanwhile_is_told(tmp_path: Path) -> None:
             revisit=True,
             on_progress=grow,
         )
+
+
+def test_the_command_line_has_it_too(tmp_path: Path) -> None:
+    points = np.random.default_rng(3).random((1000, 3)) * [100, 20, 0]
+    np.savetxt(tmp_path / "in.xyz", points)
+    command = "-m streamseg segment in.xyz out.xyz --method dbscan --eps 2 --span-count 100 --revisit"
+    done = subprocess.run([sys.executable, *command.split()], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "decisions wait until their region is final" in done.stdout
+    labels = np.loadtxt(tmp_path / "out.xyz")[:, 3]
+    assert same(labels, ss.segment_static(tmp_path / "in.xyz", ss.Dbscan(2.0)))
 
 
 @pytest.mark.parametrize("calls", [1, 2, 4, 30])
