@@ -114,9 +114,9 @@ fn spans_as_they_come(
         counter.fetch_add(chunk.points.len(), Ordering::Relaxed);
         Ok(chunk)
     });
-    let mut spans = finalized_spans_of(chunks, by, &Lattice::REAL, counts).unwrap();
+    let spans = finalized_spans_of(chunks, by, &Lattice::REAL, counts).unwrap();
     let (mut come, mut failure) = (vec![], None);
-    while let Some(span) = spans.next() {
+    for span in spans {
         match span {
             Ok(span) => come.push((span, asked.load(Ordering::Relaxed))),
             Err(error) => assert!(failure.replace(error).is_none()),
