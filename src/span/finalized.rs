@@ -84,8 +84,9 @@ impl<S: Iterator<Item = Result<Span>>> Finalized<S> {
         let mut surplus = None;
         let missing = &mut self.missing;
         self.spool.lay(&Chunk { points, attributes }, |at, ids| {
-            match missing.get_mut(&at).map(|missing| (missing.checked_sub((ids.end - ids.start) as u64), missing)) {
-                Some((Some(left), missing)) => *missing = left,
+            let come = (ids.end - ids.start) as u64;
+            match missing.get_mut(&at) {
+                Some(missing) if *missing >= come => *missing -= come,
                 _ => surplus = surplus.or(Some(ids.start)),
             }
         })?;
