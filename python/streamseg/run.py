@@ -76,9 +76,9 @@ def stream(
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
     revisit : bool, default False
-        For streams that come back to where they were: keep points that have gone out of scope in a store on disk, and look
-        again at those within reach of a new window, so that the same object is found once. Has no effect where spans by
-        width hold all that they need anyway. Needs a segmentor with a distance or search radius.
+        For streams that come back to where they were: keep points that have gone out of scope in a store on disk, and
+        look again at those within reach of a new window, so that the same object is found once. Has no effect where
+        spans by width hold all that they need anyway. Needs a segmentor with a distance or search radius.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
