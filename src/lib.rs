@@ -13,6 +13,7 @@
 //! | [`preprocessing`] | the points of a window → fewer points |
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
+//! | [`front`] | what windows leave open → pairs of segments that are one after all |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
 //! | [`revisit`] | windows → windows that see earlier points around them |
 //! | [`pipeline`] | all of it, as an iterator |

@@ -118,8 +118,17 @@ impl Exactness {
             _ if more == 0.0 => self,
             Exactness::ByLocality { reach } => Exactness::WithHalo { reach, halo: reach + more },
             Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach, halo: halo + more },
-            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach + more },
+            Exactness::Proven { .. } => self.without_proof().with_halo(more),
             Exactness::Measured { reach, halo } => Exactness::Measured { reach, halo: halo + more },
+        }
+    }
+
+    /// The promise if nothing is decided later than in its window.
+    #[must_use]
+    pub fn without_proof(self) -> Self {
+        match self {
+            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach },
+            promise => promise,
         }
     }
 
