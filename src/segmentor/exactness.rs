@@ -156,9 +156,17 @@ impl Exactness {
             return self.assess(by, size, lattice);
         }
         let (class, is_identical, sentence) = if self.is_monotone() {
-            ('A', true, "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back")
+            (
+                'A',
+                true,
+                "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back",
+            )
         } else {
-            ('C', false, "near to the static result: more may still come to any place of such a stream, so every decision is an early one")
+            (
+                'C',
+                false,
+                "near to the static result: more may still come to any place of such a stream, so every decision is an early one",
+            )
         };
         Assessment { class, is_identical, sentence: sentence.into(), warning: None }
     }
@@ -264,7 +272,9 @@ mod tests {
         let (by, lattice) = (SpanBy::Count { points: 9 }, Lattice::REAL);
         let size = WindowSize::new(1, 0).unwrap();
         let near = Exactness::ByLocality { reach: 0.3 };
-        assert!(near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice));
+        assert!(
+            near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice)
+        );
         let halo = Exactness::WithHalo { reach: 0.3, halo: 0.6 };
         let early = halo.assess_with_revisit(by, size, &lattice);
         assert_eq!((early.class, early.is_identical), ('C', false));
