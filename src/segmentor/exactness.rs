@@ -78,6 +78,11 @@ impl Exactness {
         }
     }
 
+    /// Whether there is a limit to how far away what decides about a point can be.
+    pub fn is_bounded(self) -> bool {
+        self.halo() != Halo::Span
+    }
+
     fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
@@ -220,6 +225,16 @@ impl Exactness {
             _ => None,
         };
         Assessment { class, is_identical, sentence: sentence.into(), warning }
+    }
+}
+
+impl Assessment {
+    /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
+    /// order of its stream.
+    #[must_use]
+    pub fn finalized(mut self) -> Self {
+        self.sentence += "; decisions wait until their region is final";
+        self
     }
 }
 
