@@ -197,6 +197,8 @@ class Recipe:
     def __new__(cls, segmentor: Any, stages: Sequence[Any], available: list[str], has_more: bool) -> Recipe: ...
     @property
     def reads(self) -> list[str]: ...
+    @property
+    def is_monotone(self) -> bool: ...
 
 _Statistics = tuple[int, float, float] | tuple[int, float, float, tuple[float, float]]
 _Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
@@ -428,6 +430,7 @@ class Pipeline:
         min_segment_size: int = 1,
         max_segment_size: int | None = None,
         sort: str = "native",
+        revisit: bool = False,
     ) -> Pipeline: ...
     @property
     def exactness(self) -> str: ...

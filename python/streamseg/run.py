@@ -37,6 +37,7 @@ def stream(
     overwrite: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
     with_points: bool = True,
 ) -> Stream:
@@ -74,6 +75,10 @@ def stream(
     preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
+    revisit : bool, default False
+        For streams that come back to where they were: keep points that have gone out of scope in a store on disk, and look
+        again at those within reach of a new window, so that the same object is found once. Has no effect where spans by
+        width hold all that they need anyway. Needs a segmentor with a distance or search radius.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -108,7 +113,8 @@ def stream(
     recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
     if spans is None and opened.stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
-    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
+    # A finite source and a relation that a later point can undo: this is where decisions could wait for it.
+    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress, revisit)
     if core.sort != "native" and result != "final":
         raise InvalidParameter(
             f"sort is {core.sort!r} with result={result!r}, allowed: with result='final', "
@@ -123,6 +129,7 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
+            **({"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
@@ -146,6 +153,7 @@ def _pipeline(
     threads: int | None,
     drop_invalid: bool,
     on_progress: Callable[[Progress], None] | None,
+    revisit: bool = False,
 ) -> Pipeline:
     if threads is None:
         threads = _cores() if source.stored else 1
@@ -162,6 +170,7 @@ def _pipeline(
         threads=threads,
         drop_invalid=drop_invalid,
         on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
+        revisit=revisit,
         **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
     )
 
@@ -182,12 +191,13 @@ def segment(
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
 ) -> Ids:
     """Segment a cloud as a stream and return the final segment id of every point.
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess
+    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, revisit
         As for `stream`. A live source has to end.
 
     Returns
@@ -210,6 +220,7 @@ def segment(
         drop_invalid=drop_invalid,
         attributes=attributes,
         preprocess=preprocess,
+        revisit=revisit,
         result="final",
         with_points=False,
     ) as run:

@@ -112,6 +112,14 @@ def segment(
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
     spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
     overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
+    revisit: Annotated[
+        bool,
+        typer.Option(
+            "--revisit",
+            help="Look again at earlier points near each window, for clouds that come back to where they were.",
+            rich_help_panel=_SPANS,
+        ),
+    ] = False,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
     threads: Annotated[int | None, typer.Option(max=MOST, help="Windows at a time. [default: all cores]")] = None,
@@ -143,6 +151,7 @@ def segment(
             result=result.value,
             threads=threads,
             drop_invalid=drop_invalid,
+            revisit=revisit,
             overwrite=overwrite,
             on_read=bars.on_read,
             on_progress=bars.on_progress,
