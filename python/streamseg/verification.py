@@ -144,7 +144,6 @@ def verify(
         )
     opened = open_source(source, attributes)
     _warn_of_size(opened.point_count)
-    more: dict[str, Any] = {"revisit": True} if revisit else {}
     run = stream(
         opened,
         segmentor,
@@ -156,7 +155,7 @@ def verify(
         preprocess=preprocess,
         on_progress=on_progress,
         with_points=False,
-        **more,
+        revisit=revisit,
     )
     with run:
         streamed = in_input_order(run)
