@@ -16,7 +16,7 @@ use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
-use crate::span::{Span, Spans};
+use crate::span::{Span, Spans, Waits};
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
@@ -222,7 +222,12 @@ impl Pipeline {
                 return true;
             }
         }
-        match self.spans.as_mut().map(Iterator::next) {
+        let next = self.spans.as_mut().map(Iterator::next);
+        if let Some(spans) = &self.spans {
+            let Waits { points, most } = spans.waits();
+            (self.certificate.waited_points, self.certificate.most_waiting) = (points, most);
+        }
+        match next {
             Some(Some(Ok(span))) => self.slider.push(span),
             Some(ended) => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.

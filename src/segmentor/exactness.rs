@@ -78,6 +78,11 @@ impl Exactness {
         }
     }
 
+    /// Whether there is a limit to how far away what decides about a point can be.
+    pub fn is_bounded(self) -> bool {
+        self.halo() != Halo::Span
+    }
+
     fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
@@ -156,9 +161,17 @@ impl Exactness {
             return self.assess(by, size, lattice);
         }
         let (class, is_identical, sentence) = if self.is_monotone() {
-            ('A', true, "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back")
+            (
+                'A',
+                true,
+                "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back",
+            )
         } else {
-            ('C', false, "near to the static result: more may still come to any place of such a stream, so every decision is an early one")
+            (
+                'C',
+                false,
+                "near to the static result: more may still come to any place of such a stream, so every decision is an early one",
+            )
         };
         Assessment { class, is_identical, sentence: sentence.into(), warning: None }
     }
@@ -215,6 +228,16 @@ impl Exactness {
     }
 }
 
+impl Assessment {
+    /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
+    /// order of its stream.
+    #[must_use]
+    pub fn finalized(mut self) -> Self {
+        self.sentence += "; decisions wait until their region is final";
+        self
+    }
+}
+
 #[derive(Debug, PartialEq)]
 enum Shares {
     Always,
@@ -264,7 +287,9 @@ mod tests {
         let (by, lattice) = (SpanBy::Count { points: 9 }, Lattice::REAL);
         let size = WindowSize::new(1, 0).unwrap();
         let near = Exactness::ByLocality { reach: 0.3 };
-        assert!(near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice));
+        assert!(
+            near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice)
+        );
         let halo = Exactness::WithHalo { reach: 0.3, halo: 0.6 };
         let early = halo.assess_with_revisit(by, size, &lattice);
         assert_eq!((early.class, early.is_identical), ('C', false));

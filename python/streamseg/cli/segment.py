@@ -147,6 +147,7 @@ def segment(
             preprocess=methods.stages(outliers, lonely, voxel),
             spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
             window=Window(spans, overlap),
+            revisit=revisit,
             history=history,
             result=result.value,
             threads=threads,
