@@ -194,11 +194,11 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
 def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[str]:
     """Tell why the two differ, from what is known of the run; the likeliest first."""
     reasons = [run.warning] if run.warning else []
+    if is_in_stream_order and not run.is_identical:
+        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += run.certificate.doubts
     if run.is_identical:
         return reasons or [_DEFECT]
-    if is_in_stream_order:
-        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += [
         f"{stage!r} judges a point by those that came before it, so it depends on the spans"
         for stage in (stages if isinstance(stages, Sequence) else [stages])
