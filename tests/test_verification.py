@@ -297,6 +297,23 @@ def test_what_can_be_read_only_once_is_refused() -> None:
     assert sum(map(len, live)) == 1500, "nothing has been taken from it"
 
 
+class Measuring:
+    """A source that measures the same again each time, in strips from end to end of the cloud."""
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        yield from np.array_split(CLOUD, 12)
+
+
+def test_of_streams_that_come_back_it_is_known_what_was_decided_too_early() -> None:
+    assert ss.verify(Measuring(), ss.Proximity(0.6, graph="radius"), revisit=True).is_identical
+    assert ss.verify(CLOUD, ss.Proximity(1.0), spans=ss.SpanByCount(100), revisit=True).is_proven
+    found = ss.verify(Measuring(), ss.Proximity(1.0), revisit=True)
+    assert not found.is_identical
+    assert found.certificate.early_decisions
+    (reason,) = found.reasons
+    assert "points were decided though more of the cloud could still come" in reason
+
+
 class Dwindling:
     """A source that has fewer points each time."""
 

@@ -204,7 +204,7 @@ def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[s
         for stage in (stages if isinstance(stages, Sequence) else [stages])
         if getattr(stage, "statistics", None) == "running"
     ]
-    if run.exactness == "C" and not is_in_stream_order:
+    if run.exactness == "C" and not (is_in_stream_order or run.certificate.early_decisions):
         reasons.append(_NO_PROMISE)
     return reasons or [run.promise]
 
