@@ -134,7 +134,7 @@ def stream(
         opened,
         segmentor,
         recipe,
-        spans,
+        slabs if counts is None else spans,
         window or Window(),
         threads,
         drop_invalid,
@@ -156,7 +156,8 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
-            **({"revisit": True, "slabs": repr(slabs)} if counts is not None else {"revisit": True} if revisit else {}),
+            **({"revisit": True} if revisit else {}),
+            **({"slabs": repr(slabs)} if slabs is not spans else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
