@@ -13,8 +13,11 @@ use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
+use crate::look::{Look, LookAgain, look, sees_beyond};
 use crate::segmentor::{Plane, Segmented, Segmentor};
-use crate::span::{Span, Spans};
+use crate::sightings::Sightings;
+use crate::span::{Extent, Span, Spans};
+use crate::undecided::Undecided;
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
@@ -40,6 +43,11 @@ pub struct Pipeline {
     progress: Progress,
     planes: LivePlanes,
     certificate: Certificate,
+    undecided: Undecided,
+    /// Where neighbors may share no window.
+    sightings: Option<Sightings>,
+    /// Where the points that a window could not decide can be looked at again.
+    again: Option<LookAgain>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -92,22 +100,35 @@ pub struct Progress {
 struct SegmentedWindow {
     index: u64,
     spans: Vec<Arc<Span>>,
-    labels: Job<Result<Segmented>>,
+    /// Spans before this one are in no later window.
+    leaving: u64,
+    look: Job<Result<Look>>,
+    is_second_look: bool,
 }
 
 impl Pipeline {
     /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`. A segmentor that cannot label
     /// several windows at the same time gets a crew of one.
-    pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
+    pub fn new(
+        mut spans: Spans,
+        lattice: Lattice,
+        segmentor: Arc<dyn Segmentor>,
+        size: WindowSize,
+        crew: Crew,
+    ) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
-        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
-        Self {
+        let exactness = segmentor.exactness();
+        let again = LookAgain::new(&segmentor, || spans.archive(), lattice);
+        let sightings = sees_beyond(exactness).then(|| Sightings::new(again.is_some()));
+        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let names = segmentor.reads();
+        let pipeline = Self {
             spans: Some(spans),
-            slider: slider.with_attributes(segmentor.reads()),
+            slider,
             segmentor,
             crew,
             under_way: VecDeque::new(),
-            weaver: Weaver::default(),
+            weaver: sightings.as_ref().map_or_else(Weaver::default, Sightings::weaver),
             live: VecDeque::new(),
             ready: VecDeque::new(),
             untold: Vec::new(),
@@ -117,7 +138,11 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
-        }
+            undecided: Undecided::default(),
+            sightings,
+            again,
+        };
+        pipeline.with_attributes(names)
     }
 
     /// Has `look_up` called at least once a window; its error interrupts the run, which can then go on or be stopped.
@@ -130,6 +155,7 @@ impl Pipeline {
     /// Names the attributes that chunks bring along, if they are others than those that the segmentor reads.
     #[must_use]
     pub fn with_attributes(mut self, names: Vec<String>) -> Self {
+        self.again = self.again.map(|again| again.with_attributes(&names));
         self.slider = self.slider.with_attributes(names);
         self
     }
@@ -204,21 +230,40 @@ impl Pipeline {
     fn segment_window(&mut self, window: Window) {
         let segmentor = Arc::clone(&self.segmentor);
         let (index, spans) = (window.index(), window.own_spans().to_vec());
-        let labels = self.crew.start(move || label_own_points(&*segmentor, &window));
-        self.under_way.push_back(SegmentedWindow { index, spans, labels });
+        let is_last =
+            spans.last().is_some_and(|span| span.extent.is_some_and(|Extent { high, .. }| high == f64::INFINITY));
+        let leaving = self.slider.next_first_span().filter(|_| !is_last).unwrap_or(u64::MAX);
+        let look = self.crew.start(move || look(&*segmentor, &window));
+        self.under_way.push_back(SegmentedWindow { index, spans, leaving, look, is_second_look: false });
     }
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
-        let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
-        let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, tally } = match labels {
-            Ok(Ok(segmented)) => segmented,
+        let look = first.look.wait(&mut || (self.look_up)(&self.progress))?;
+        let Some(window) = self.under_way.pop_front() else { return Ok(()) };
+        let look = match look {
+            Ok(Ok(look)) => look,
             failed => {
-                self.fail(index, failed.map(Result::err));
+                self.fail(window.index, failed.map(Result::err));
                 return Ok(());
             }
         };
+        self.undecided.take_in(&window.spans, look.segmented.undecided.as_deref().unwrap_or_default());
+        let points = self.undecided.before(window.leaving, &window.spans);
+        match &self.again {
+            Some(again) if !points.is_empty() && !window.is_second_look => {
+                let (again, index, spans) = (again.clone(), window.index, window.spans.clone());
+                let look = self.crew.start(move || again.look(index, &spans, look, &points));
+                self.under_way.push_front(SegmentedWindow { look, is_second_look: true, ..window });
+                Ok(())
+            }
+            _ => self.weave(window, look),
+        }
+    }
+
+    fn weave(&mut self, window: SegmentedWindow, look: Look) -> Result<()> {
+        let SegmentedWindow { index, spans, .. } = window;
+        let Look { segmented: Segmented { labels, seeded, planes, tally, .. }, sights } = look;
         let begun = Instant::now();
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
@@ -236,6 +281,10 @@ impl Pipeline {
             };
             self.weaver.weave(&window, &self.crew)?
         };
+        let joined = match &mut self.sightings {
+            Some(sightings) => sightings.join(&sights, first_segment_id, index, &evicted, &mut self.weaver),
+            None => Ok(()),
+        };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
@@ -251,6 +300,9 @@ impl Pipeline {
         self.hand_out(evicted);
         let known = self.live.back().map_or(0, |span| span.index + 1);
         self.live.extend(spans.into_iter().filter(|span| span.index >= known));
+        if let Err(error) = joined {
+            self.give_up(error);
+        }
         self.progress.windows += 1;
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
@@ -259,10 +311,14 @@ impl Pipeline {
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
-        self.failure = match answer {
-            Ok(error) => error,
-            Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
-        };
+        let panicked = |message| Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message };
+        if let Some(error) = answer.unwrap_or_else(|message| Some(panicked(message))) {
+            self.give_up(error);
+        }
+    }
+
+    fn give_up(&mut self, error: Error) {
+        self.failure = Some(error);
         self.spans = None;
         self.under_way.clear();
         self.slider.clear();
@@ -270,6 +326,7 @@ impl Pipeline {
 
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
+            self.certificate.undecided_points += self.undecided.evict(segmented.index) as u64;
             if let Some(span) = self.live.pop_front() {
                 self.progress.points += span.len() as u64;
                 let windows = std::mem::take(&mut self.untold);
@@ -308,20 +365,6 @@ impl LivePlanes {
         self.planes.drain(..forgotten as usize);
         self.oldest += forgotten;
     }
-}
-
-/// The labels of all of a window's own points.
-fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
-    let mut segmented = segmentor.segment(window)?;
-    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
-    if given != points {
-        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
-        return Err(Error::Labels { segmentor: segmentor.name().into(), problem });
-    }
-    if let Some(valid) = window.valid() {
-        segmented.labels = segmented.labels.spread(valid, window.len());
-    }
-    Ok(if window.own().len() < window.len() { segmented.keep(window.own()) } else { segmented })
 }
 
 impl Iterator for Pipeline {

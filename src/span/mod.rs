@@ -4,15 +4,18 @@
 //! a source that is sorted along the direction the cut follows the stream ([`cutter`]); by width it follows space, and
 //! a cloud that is not sorted along the direction is first laid into slabs, in bounded memory ([`slabs`]).
 
+mod archive;
 mod cutter;
 mod direction;
 mod slabs;
 mod validity;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::error::{Result, at_least_one, positive};
 use crate::lattice::Lattice;
+pub use archive::Archive;
 pub use cutter::Cutter;
 pub(crate) use direction::SlabIndex;
 pub use direction::{Direction, Extent};
@@ -152,6 +155,11 @@ pub enum Source {
 pub trait SpanSource: Iterator<Item = Result<Span>> + Send {
     /// Asks the source for nothing more. Points of a stream that have come already are still cut into spans.
     fn stop(&mut self);
+
+    /// Has all spans kept, so that they can be read again; to be asked before the first of them. None if they cannot.
+    fn archive(&mut self) -> Option<Arc<dyn Archive>> {
+        None
+    }
 }
 
 /// A stream of spans.

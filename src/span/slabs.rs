@@ -3,12 +3,16 @@
 //! Points wait in memory, slab by slab, until there are [`SPOOL_MEMORY`] bytes of them; then every slab's points go to
 //! the end of one temporary file and the slab remembers where. Inside a slab the points keep the order of the stream.
 //! Slabs without points are passed over, so a stray point far away costs nothing.
+//!
+//! When all have been laid out, any slab can be read at any time ([`Archive`]); without an archive it is dropped when it has
+//! been handed out.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Chunk, PointIds, SlabIndex, Span, SpanSource};
+use super::{Archive, Chunk, Extent, PointIds, SlabIndex, Span, SpanSource};
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
 
@@ -26,13 +30,33 @@ pub struct Slabs<C> {
     lattice: Lattice,
     spool: Spool,
     waiting: BTreeMap<i64, Slab>,
+    laid: Arc<OnceLock<Laid>>,
+    is_archived: bool,
+    /// The next span, and one behind the last.
     index: u64,
+    end: u64,
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
         let spool = Spool { file: None, attributes: 0, bytes: 0, memory: SPOOL_MEMORY };
-        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting: BTreeMap::new(), index: 0 }
+        let (waiting, laid) = (BTreeMap::new(), Arc::default());
+        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting, laid, is_archived: false, index: 0, end: 0 }
+    }
+
+    /// Lays the slabs out, when all points have come.
+    fn lay_out(&mut self) {
+        let numbers: Vec<i64> = self.waiting.keys().copied().collect();
+        // Slabs passed over have no points, so the extent goes on to the next that has some.
+        let extent = |(at, &number): (usize, &i64)| {
+            self.slab_of.extent((at > 0).then_some(number), numbers.get(at + 1).copied(), &self.lattice)
+        };
+        let extents = numbers.iter().enumerate().map(extent).collect();
+        let slabs = std::mem::take(&mut self.waiting).into_values().collect();
+        let spool = Spool { file: self.spool.file.take(), ..self.spool };
+        self.end = numbers.len() as u64;
+        // Nobody has laid them out before.
+        let _ = self.laid.set(Laid { extents, shelf: Mutex::new(Shelf { slabs, spool }) });
     }
 
     fn spool_all(&mut self, chunks: C) -> Result<()> {
@@ -65,36 +89,70 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
     type Item = Result<Span>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if let Some(chunks) = self.chunks.take()
-            && let Err(error) = self.spool_all(chunks)
-        {
-            self.waiting.clear();
-            return Some(Err(error));
-        }
-        let (at, slab) = self.waiting.pop_first()?;
-        let index = self.index;
-        self.index += 1;
-        // Slabs passed over have no points, so the extent goes on to the next that has some.
-        let (first, end) = ((index > 0).then_some(at), self.waiting.keys().next().copied());
-        let extent = Some(self.slab_of.extent(first, end, &self.lattice));
-        Some(match self.spool.read(slab) {
-            Ok((point_ids, Chunk { points, attributes })) => {
-                Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
+        if let Some(chunks) = self.chunks.take() {
+            if let Err(error) = self.spool_all(chunks) {
+                self.waiting.clear();
+                return Some(Err(error));
             }
-            Err(error) => Err(Error::spool("read", error)),
-        })
+            self.lay_out();
+        }
+        if self.index == self.end {
+            return None;
+        }
+        self.index += 1;
+        self.laid.get().map(|laid| laid.span(self.index - 1, self.is_archived))
     }
 }
 
 impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Slabs<C> {
     fn stop(&mut self) {
         self.chunks = None;
-        self.waiting.clear();
+        self.end = self.index;
+    }
+
+    fn archive(&mut self) -> Option<Arc<dyn Archive>> {
+        self.is_archived = true;
+        Some(Arc::new(Arc::clone(&self.laid)))
+    }
+}
+
+/// All slabs of a cloud that has come to its end.
+struct Laid {
+    extents: Vec<Extent>,
+    shelf: Mutex<Shelf>,
+}
+
+struct Shelf {
+    slabs: Vec<Slab>,
+    spool: Spool,
+}
+
+impl Laid {
+    /// Reads a slab; leaves nothing in its place if it is not `kept`.
+    fn span(&self, index: u64, kept: bool) -> Result<Span> {
+        let mut shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
+        let Shelf { slabs, spool } = &mut *shelf;
+        let slab = &mut slabs[index as usize];
+        let slab = if kept { slab.clone() } else { std::mem::take(slab) };
+        let (point_ids, Chunk { points, attributes }) = spool.read(slab).map_err(|e| Error::spool("read", e))?;
+        let extent = Some(self.extents[index as usize]);
+        Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
+    }
+}
+
+impl Archive for Arc<OnceLock<Laid>> {
+    fn extents(&self) -> &[Extent] {
+        self.get().map_or(&[], |laid| &laid.extents)
+    }
+
+    fn read(&self, index: u64) -> Result<Span> {
+        let laid = self.get().ok_or_else(|| Error::spool("read", io::ErrorKind::NotFound.into()))?;
+        laid.span(index, true)
     }
 }
 
 /// The points of one slab: those already on disk, and those that wait in memory.
-#[derive(Default)]
+#[derive(Debug, Clone, Default)]
 struct Slab {
     written: Vec<Stretch>,
     point_ids: Vec<i64>,
@@ -106,6 +164,7 @@ fn bytes_per_point(attributes: usize) -> usize {
 }
 
 /// Where some points of a slab lie in the file: their ids, their coordinates, then attribute by attribute.
+#[derive(Debug, Clone)]
 struct Stretch {
     start: u64,
     points: usize,

@@ -5,6 +5,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use streamseg::certificate::Certificate;
 use streamseg::crew::Crew;
 use streamseg::lattice::Lattice;
 use streamseg::pipeline::{Outgoing, Pipeline};
@@ -38,6 +39,7 @@ pub struct Outcome {
     pub rows: Vec<SegmentRow>,
     /// Points per span, in the order in which spans came out.
     pub spans: Vec<usize>,
+    pub certificate: Certificate,
 }
 
 /// A chunk of points without attributes.
@@ -118,6 +120,7 @@ pub fn stream_with(
         settled: by_point(&|span| settled[span].clone()),
         rows: outgoing.iter().flat_map(|out| out.segmented.segments.clone()).collect(),
         spans: outgoing.iter().map(|out| out.span.len()).collect(),
+        certificate: pipeline.certificate(),
         raw,
         carried,
         resolved_raw,
