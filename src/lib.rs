@@ -50,6 +50,7 @@ pub mod crew;
 pub mod error;
 pub mod expression;
 pub mod features;
+pub mod front;
 pub mod label;
 pub mod lattice;
 pub mod look;

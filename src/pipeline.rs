@@ -11,14 +11,15 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, Tally};
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
+use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::look::{Look, LookAgain, look, sees_beyond};
-use crate::segmentor::{Plane, Segmented, Segmentor};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::sightings::Sightings;
 use crate::span::{Extent, Span, Spans};
 use crate::undecided::Undecided;
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -48,6 +49,8 @@ pub struct Pipeline {
     sightings: Option<Sightings>,
     /// Where the points that a window could not decide can be looked at again.
     again: Option<LookAgain>,
+    /// What windows leave open, where that can be decided later.
+    front: Option<Front>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -120,6 +123,12 @@ impl Pipeline {
         let exactness = segmentor.exactness();
         let again = LookAgain::new(&segmentor, || spans.archive(), lattice);
         let sightings = sees_beyond(exactness).then(|| Sightings::new(again.is_some()));
+        let front = matches!(exactness, Exactness::Proven { .. }).then(Front::default);
+        let out_of_scope = match (&sightings, &front) {
+            (Some(sightings), _) => sightings.out_of_scope(),
+            (None, Some(_)) => OutOfScope::awaited(),
+            (None, None) => OutOfScope::default(),
+        };
         let slider = Slider::new(size, lattice).with_halo(exactness.halo());
         let names = segmentor.reads();
         let pipeline = Self {
@@ -128,7 +137,7 @@ impl Pipeline {
             segmentor,
             crew,
             under_way: VecDeque::new(),
-            weaver: sightings.as_ref().map_or_else(Weaver::default, Sightings::weaver),
+            weaver: Weaver::with_late_joins(out_of_scope),
             live: VecDeque::new(),
             ready: VecDeque::new(),
             untold: Vec::new(),
@@ -138,6 +147,7 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
+            front,
             undecided: Undecided::default(),
             sightings,
             again,
@@ -202,6 +212,7 @@ impl Pipeline {
             self.weave_window()?;
             return Ok(true);
         }
+        self.finish_front()?;
         let left = self.weaver.finish();
         self.hand_out(left);
         self.finished = true;
@@ -263,7 +274,7 @@ impl Pipeline {
 
     fn weave(&mut self, window: SegmentedWindow, look: Look) -> Result<()> {
         let SegmentedWindow { index, spans, .. } = window;
-        let Look { segmented: Segmented { labels, seeded, planes, tally, .. }, sights } = look;
+        let Look { segmented: Segmented { labels, seeded, planes, mut tally, frontier, .. }, sights } = look;
         let begun = Instant::now();
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
@@ -281,9 +292,10 @@ impl Pipeline {
             };
             self.weaver.weave(&window, &self.crew)?
         };
-        let joined = match &mut self.sightings {
-            Some(sightings) => sightings.join(&sights, first_segment_id, index, &evicted, &mut self.weaver),
-            None => Ok(()),
+        let joined = match (&mut self.sightings, &frontier) {
+            (Some(sightings), _) => sightings.join(&sights, first_segment_id, index, &evicted, &mut self.weaver),
+            (_, Some(frontier)) => self.advance_front(index, frontier, first_segment_id, &mut tally),
+            (None, None) => Ok(()),
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
         self.progress.weaving += begun.elapsed();
@@ -307,6 +319,26 @@ impl Pipeline {
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
+    }
+
+    /// Joins what the window just woven decides of what it and those before it left open.
+    fn advance_front(&mut self, window: u64, frontier: &Frontier, first: SegmentId, tally: &mut Tally) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let decided = front.decided();
+        let joins = front.advance(frontier, first);
+        tally.decided_edges += front.decided() - decided;
+        tally.waiting_edges = front.waiting() as u64;
+        self.weaver.join_late(&joins, window)?;
+        self.weaver.await_segments(&front.awaited());
+        Ok(())
+    }
+
+    /// Joins what still waits because the stream ended before the cloud did.
+    fn finish_front(&mut self) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let joins = front.finish();
+        self.certificate.decided_edges += std::mem::take(&mut self.certificate.undecided_edges);
+        self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
     }
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.

@@ -26,9 +26,9 @@ impl Sightings {
         Self { open: BTreeMap::new(), gone: far.then(Gone::default) }
     }
 
-    /// A weaver that remembers what has to be known of segments that have gone out of scope.
-    pub fn weaver(&self) -> Weaver {
-        Weaver::with_late_joins(if self.gone.is_some() { OutOfScope::all() } else { OutOfScope::awaited() })
+    /// What has to be remembered of segments that have gone out of scope.
+    pub fn out_of_scope(&self) -> OutOfScope {
+        if self.gone.is_some() { OutOfScope::all() } else { OutOfScope::awaited() }
     }
 
     /// Joins what a window that has been woven shows to be one; its segments' ids start from `first_id`, and `evicted` went

@@ -234,6 +234,17 @@ impl Window {
         count(&self.spans[..own.start])..count(&self.spans[..own.end])
     }
 
+    /// Index of the span that a valid point came with, if others have not been put in the points' place.
+    pub fn span_of(&self, point: u32) -> u64 {
+        let point = self.valid.as_ref().map_or(point, |valid| valid[point as usize]);
+        let mut end = 0;
+        let holds = |span: &&Arc<Span>| {
+            end += span.len();
+            (point as usize) < end
+        };
+        self.spans.iter().find(holds).or(self.spans.last()).map_or(0, |span| span.index)
+    }
+
     /// Lattice coordinates of the valid points, in stream order.
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points

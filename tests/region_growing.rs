@@ -16,7 +16,6 @@ use oracle::growing::{Surface, literal, neighbors, order_free};
 use oracle::partition::{canonical, refines};
 use proptest::prelude::*;
 use streaming::{Outcome, Run, static_labels, static_labels_with, stream, stream_with};
-use streamseg::error::Result;
 use streamseg::features::{Feature, Fit, compute};
 use streamseg::label::NONE;
 use streamseg::neighborhood::Search;

@@ -186,6 +186,26 @@ proptest! {
         prop_assert!(!survey.is_exact_on_the_map() || canonical(&found) == canonical(&weak), "not the canonical graph");
     }
 
+    /// Class B: with every pair in reach in one window, all edges are decided, and streamed = static.
+    #[test]
+    fn in_space_streamed_is_static_and_proves_it(
+        cloud in cloud(), survey in survey(), squared in squared_distance(), size in overlapping_window_size(),
+        spare in prop::sample::select(vec![0i64, 1, 7, 40]), direction in direction(), chunks in chunk_sizes(),
+        threads in prop::sample::select(vec![1usize, 2]),
+    ) {
+        let points = survey.told(&cloud);
+        let segmentor = proximity(squared, Metric::Xyz, &survey);
+        let expected = static_labels(&points, survey.lattice, &segmentor);
+        let by = wide_enough((squared as f64).sqrt(), spare, size, direction, &survey);
+        let assessment = segmentor.exactness().assess(by, size, &survey.lattice);
+        prop_assert!(assessment.is_identical, "{:?}", assessment);
+        let run = Run { by, size, source: Source::Stored, chunks, threads };
+        let outcome = stream(&points, survey.lattice, Arc::new(segmentor), &run);
+        prop_assert_eq!(canonical(&outcome.settled), canonical(&expected));
+        prop_assert!(outcome.certificate.is_complete(), "{:?}", outcome.certificate);
+        check_ids(&outcome)?;
+    }
+
     /// Class B: a streamed run joins no pair that some triangulation of the whole cloud lacks, and every pair whose
     /// smallest circle is empty and lies inside one window.
     #[test]

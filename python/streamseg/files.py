@@ -15,7 +15,7 @@ from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .run import SpanBy, Stages, stream
 from .source import PathLike, counted, open_source
-from .stream import LeftOut, Progress, Result, Stream
+from .stream import Certificate, LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):
@@ -33,6 +33,10 @@ class Outcome(NamedTuple):
     """Ids handed out that have become another's (``result="carry"``)."""
     promise: str
     """How the result relates to the static one."""
+    certificate: Certificate
+    """What the run could prove."""
+    is_proven: bool
+    """Whether it could prove that it is the static result."""
     damage: str | None
     """What could not be read, if the input is damaged; what came before it is in the output."""
 
@@ -137,7 +141,17 @@ def segment_file(
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
-    return Outcome(points, progress.windows, segments, left_out, aliases, run.promise, cloud.damage)
+    return Outcome(
+        points,
+        progress.windows,
+        segments,
+        left_out,
+        aliases,
+        run.promise,
+        run.certificate,
+        run.is_proven,
+        cloud.damage,
+    )
 
 
 class _Interrupt:

@@ -213,7 +213,7 @@ def segment(
         result="final",
         with_points=False,
     ) as run:
-        return _in_input_order(run)
+        return in_input_order(run)
 
 
 def segment_static(
@@ -246,10 +246,10 @@ def segment_static(
     opened = open_source(source, attributes)
     recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
     core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
-    return _in_input_order(Stream(opened, core, "final", None, with_points=False))
+    return in_input_order(Stream(opened, core, "final", None, with_points=False))
 
 
-def _in_input_order(run: Stream) -> Ids:
+def in_input_order(run: Stream) -> Ids:
     """Collect the final ids of a run. They wait on disk, so no memory is needed beside the result."""
     labels = np.empty(0, np.int64)
     for span in run:

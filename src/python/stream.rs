@@ -277,6 +277,9 @@ pub struct PySpan {
     /// The segments that went with the span, (m, 4) int64: segment, next segment, window, shared points.
     #[pyo3(get)]
     segments: Py<PyArray2<i64>>,
+    /// How many of the last rows are late joins of segments that had gone before.
+    #[pyo3(get)]
+    late_joins: usize,
     /// The segments without a seed of the windows woven since the last span, (m,) int64.
     #[pyo3(get)]
     seedless: Py<PyArray1<i64>>,
@@ -324,6 +327,7 @@ impl PySpan {
             carried_ids: segmented.carried_ids.into_pyarray(py).unbind(),
             aliases: rows(py, segmented.aliases)?.unbind(),
             segments: rows(py, segments)?.unbind(),
+            late_joins: segmented.late_joins,
             seedless: segmented.seedless.into_pyarray(py).unbind(),
             windows: rows(py, windows.iter().map(window_row).collect())?.unbind(),
             settles_at: segmented.settles_at,

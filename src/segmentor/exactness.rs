@@ -19,7 +19,7 @@ pub enum Exactness {
         /// Greatest distance from which anything decides about a point; ∞ if there is no limit to it.
         halo: f64,
     },
-    /// Class B: equal as far as every decision could be proven in a window; pairs within this reach have to share one.
+    /// Class B: equal because every decision waits until it is proven; pairs within this reach have to share a window.
     Proven {
         /// Greatest distance of two points that are looked at together.
         reach: f64,
@@ -129,18 +129,18 @@ impl Exactness {
             Exactness::WithHalo { .. } | Exactness::Proven { .. } if in_space => 'B',
             _ => 'C',
         };
-        let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. } | Exactness::Proven { .. });
+        let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. });
         let is_identical = class < 'C' && has_limit && shares == Shares::Always;
         let sentence = match (class, self) {
             _ if is_identical && class == 'A' => "equal to the static result: every pair in reach shares a window",
+            (_, Exactness::Proven { .. }) if is_identical => {
+                "equal to the static result: every pair in reach shares a window, and every edge is proven"
+            }
             _ if is_identical => {
                 "equal to the static result: every pair in reach shares a window, and all that decides about a point is loaded with it"
             }
             ('A', _) => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
-            }
-            ('B', Exactness::Proven { .. }) => {
-                "near to the static result: at the borders of windows only proven edges join"
             }
             ('B', _) if has_limit => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
@@ -218,7 +218,8 @@ mod tests {
     #[test]
     fn identity_needs_a_limit_to_what_decides() {
         let proven = assess(Exactness::Proven { reach: 0.3 }, 9.0, 1);
-        assert_eq!((proven.class, proven.is_identical, proven.warning), ('B', false, None));
+        assert_eq!((proven.class, proven.is_identical, proven.warning), ('B', true, None));
+        assert!(!assess(Exactness::Proven { reach: 0.3 }, 0.2, 1).is_identical);
         let halo = assess(Exactness::WithHalo { reach: 0.3, halo: 5.0 }, 9.0, 1);
         assert_eq!((halo.class, halo.is_identical), ('B', true));
         let unlimited = assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 1);

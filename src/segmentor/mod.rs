@@ -21,6 +21,7 @@ use std::ops::Range;
 
 use crate::certificate::Tally;
 use crate::error::Result;
+use crate::front::Frontier;
 use crate::label::Labels;
 use crate::neighborhood::Search;
 use crate::window::Window;
@@ -40,11 +41,13 @@ pub struct Segmented {
     /// What this window decided, and what it could not because it does not hold all that it depends on. Points are counted
     /// by whoever knows which are the window's own.
     pub tally: Tally,
+    /// What later windows may decide of it, where they can.
+    pub frontier: Option<Frontier>,
 }
 
 impl From<Labels> for Segmented {
     fn from(labels: Labels) -> Self {
-        Self { labels, seeded: None, planes: None, undecided: None, tally: Tally::default() }
+        Self { labels, seeded: None, planes: None, undecided: None, tally: Tally::default(), frontier: None }
     }
 }
 
@@ -83,6 +86,8 @@ impl Segmented {
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
             undecided,
             tally: self.tally,
+            // Labels have other numbers now, and places may lack the points that made them what they were.
+            frontier: None,
         }
     }
 }

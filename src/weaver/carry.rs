@@ -290,7 +290,9 @@ impl Carry {
             let representative = self.find(segment) as usize;
             self.out_of_scope.became(self.base + i64::from(segment), self.whole[representative].id);
         }
-        closed.iter().for_each(|whole| self.out_of_scope.close(whole));
+        for whole in closed {
+            self.out_of_scope.close(whole);
+        }
         let base = self.base + i64::from(leaving);
         let heads = (0..).zip(heirs).filter(|(segment, heir)| segment == *heir);
         let wholes = heads.map(|(segment, _)| (self.whole[(leaving + segment) as usize].id, segment));

@@ -120,8 +120,10 @@ pub struct EvictedSpan {
     pub raw_ids: Vec<SegmentId>,
     /// The segment id carried over from window to window.
     pub carried_ids: Vec<SegmentId>,
-    /// The segments that went with the span.
+    /// The segments that went with the span, then late joins of segments that had gone already.
     pub segments: Vec<SegmentRow>,
+    /// How many of the rows are late joins.
+    pub late_joins: usize,
     /// Late joins since the last span: an id that has been handed out, and what it has become.
     pub aliases: Vec<[SegmentId; 2]>,
     /// The segments without a seed of the windows woven since the last span.
@@ -295,7 +297,9 @@ impl Weaver {
             evicted.push(self.evict(span));
         }
         if let Some(last) = evicted.last_mut() {
-            last.segments.extend(self.told_late_rows());
+            let late = self.told_late_rows();
+            last.late_joins = late.len();
+            last.segments.extend(late);
             // After the spans have noted where the log stands, so that it is read before them.
             for whole in self.carry.evict_before(self.oldest_live_id()) {
                 self.aliases.close(&whole);
@@ -320,6 +324,7 @@ impl Weaver {
             raw_ids,
             carried_ids,
             segments: self.segments.evict_with(span.index),
+            late_joins: 0,
             aliases: std::mem::take(&mut self.untold),
             seedless: std::mem::take(&mut self.untold_seedless),
             settles_at: self.aliases.len(),

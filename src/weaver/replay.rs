@@ -109,7 +109,7 @@ impl Replay {
     }
 
     fn join(&mut self, segment_id: SegmentId, next: SegmentId) -> Result<()> {
-        let late = self.carry.join_late(segment_id, next)?;
+        let late = self.carry.join_late(segment_id, next).map_err(|_| damaged(segment_id))?;
         late.reopened.into_iter().for_each(|id| self.aliases.reopen(id));
         if let Some(join) = late.join {
             self.aliases.join(join.id, join.becomes);

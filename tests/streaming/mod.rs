@@ -39,6 +39,7 @@ pub struct Outcome {
     pub rows: Vec<SegmentRow>,
     /// Points per span, in the order in which spans came out.
     pub spans: Vec<usize>,
+    /// What the run could prove.
     pub certificate: Certificate,
 }
 

@@ -1,4 +1,4 @@
-"""The command line: segment, resolve, info, preview, export, demo."""
+"""The command line: segment, verify, resolve, info, preview, export, demo."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
 from .segment import segment
+from .verify import verify
 
 app = typer.Typer(
     name="streamseg",
@@ -31,6 +32,7 @@ app = typer.Typer(
 
 
 app.command()(segment)
+app.command()(verify)
 
 
 class Shade(str, Enum):

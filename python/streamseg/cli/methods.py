@@ -75,6 +75,13 @@ OPTIONS = {
 }
 
 
+def given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Pick the parameters of segmentors out of all options, which are named as in Python: option → value."""
+    names = dict.fromkeys(option for method in METHODS.values() for option in (*method.options, *OPTIONS))
+    values = {option: options[option.removeprefix("--").replace("-", "_")] for option in names}
+    return {**values, "--search-radius": lengths("--search-radius", values["--search-radius"])}
+
+
 def segmentor(method: str, given: Mapping[str, Any], settings: Iterable[str]) -> Any:
     """Make the segmentor of a method from the options that were given (those that are None were not)."""
     given = {option: value for option, value in given.items() if value is not None}

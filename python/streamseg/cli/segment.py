@@ -123,33 +123,8 @@ def segment(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
-    given = {
-        "--distance": distance,
-        "--graph": graph,
-        "--metric": metric,
-        "--eps": eps,
-        "--min-points": min_points,
-        "--criterion": criterion,
-        "--search-radius": methods.lengths("--search-radius", search_radius),
-        "--search-mode": search_mode,
-        "--max-distance": max_distance,
-        "--max-sigma": max_sigma,
-        "--tile-size": tile_size,
-        "--seed-calculator": seed_calculator,
-        "--k": k,
-        "--angle": angle,
-        "--curvature": curvature,
-        "--max-curvature": max_curvature,
-        "--residual": residual,
-        "--literal": literal,
-        "--min-size": min_size,
-        "--max-size": max_size,
-        "--filter": filter,
-        "--seed-filter": seed_filter,
-        "--sort": sort,
-        "--normals": normals,
-    }
-    segmentor = methods.segmentor(method, given, settings or ())
+    options = locals()
+    segmentor = methods.segmentor(method, methods.given(options), settings or ())
     if preview is not None:
         check_preview(preview, overwrite, [*inputs, output])
         if output.suffix.lower() == ".npy":
@@ -246,6 +221,9 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
         f"{outcome.windows:,} windows; {outcome.promise}"
     )
+    if outcome.certificate != (0,) * len(outcome.certificate):
+        proven = "; equal to the static result, proven" if outcome.is_proven else ""
+        typer.echo(f"certificate: {outcome.certificate}{proven}")
     if outcome.aliases:
         where = f"they are in {history / 'alias'}" if history else "--history keeps them, --result final applies them"
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
