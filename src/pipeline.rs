@@ -192,6 +192,11 @@ impl Pipeline {
         self.certificate
     }
 
+    /// Whether points that a window could not decide are looked at again, wherever what they depend on is.
+    pub fn looks_again(&self) -> bool {
+        self.again.is_some()
+    }
+
     /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
     pub fn aliases(&mut self) -> &mut Aliases {
         self.weaver.aliases()

@@ -13,14 +13,13 @@ use std::sync::Arc;
 
 use clouds::{Survey, cases, cloud, squared_distance, survey};
 use oracle::growing::{Surface, literal, neighbors, order_free};
-use oracle::partition::{canonical, refines};
+use oracle::partition::canonical;
 use proptest::prelude::*;
-use streaming::{Outcome, Run, static_labels, static_labels_with, stream, stream_with};
+use streaming::{Run, static_labels, static_labels_with, stream, stream_with};
 use streamseg::features::{Feature, Fit, compute};
-use streamseg::label::NONE;
 use streamseg::neighborhood::Search;
 use streamseg::recipe::{Ingredients, Recipe};
-use streamseg::segmentor::{Curvature, Exactness, Form, Growth, RegionGrowing, Segmented, Segmentor};
+use streamseg::segmentor::{Curvature, Form, Growth, RegionGrowing, Segmentor};
 use streamseg::span::{Direction, Source, SpanBy};
 use streamseg::window::{Window, WindowSize};
 

@@ -1,9 +1,9 @@
 //! What a window says of its own points, and of those beyond that belong to the same segments.
 //!
-//! A segmentor labels all points that a window has loaded, and what it says of the halo is no less sure: it joins points only if
-//! nothing that has not been loaded could keep them apart. So where neighbors can be farther apart than windows overlap, a
-//! label that holds both a window's own point and a point beyond is a join of two segments, though the two may never be own points of
-//! the same window ([`Sight`]).
+//! A segmentor labels all points that a window has loaded, and what it says of the halo is no less sure: it joins points
+//! only if nothing that has not been loaded could keep them apart. So where neighbors can be farther apart than windows
+//! overlap, a label that holds both a window's own point and a point beyond is a join of two segments, though the two may
+//! never be own points of the same window ([`Sight`]).
 //!
 //! Where that was not enough to decide all of the window's own points, it is looked [again].
 

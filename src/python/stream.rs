@@ -80,11 +80,14 @@ impl PyPipeline {
         let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
         let spans = spans_of(chunks, by, &lattice, source)?;
         let crew = Crew::new(threads)?;
-        let assessment = segmentor.exactness().assess(by, window.0, &lattice);
+        let mut assessment = segmentor.exactness().assess(by, window.0, &lattice);
         let name = segmentor.name().to_string();
         let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+        if pipeline.looks_again() {
+            assessment = assessment.with_second_looks();
+        }
         Ok(Self {
             pipeline: Mutex::new(pipeline),
             given: Mutex::new(None),
