@@ -137,7 +137,9 @@ impl LookAgain {
         for (index, members) in by_span {
             let span = self.archive.read(index)?;
             for (values, of_span) in attributes.iter_mut().zip(&span.attributes) {
-                members.iter().for_each(|&at| values[at] = of_span[points[at].position as usize]);
+                for &at in &members {
+                    values[at] = of_span[points[at].position as usize];
+                }
             }
         }
         Ok(Span {
