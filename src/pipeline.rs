@@ -15,9 +15,10 @@ use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::look::{Look, LookAgain, look, sees_beyond};
+use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::sightings::Sightings;
-use crate::span::{Extent, Span, Spans};
+use crate::span::{Extent, Span, Spans, Waits};
 use crate::undecided::Undecided;
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
@@ -29,6 +30,8 @@ pub type LookUp = Box<dyn FnMut(&Progress) -> Result<()> + Send>;
 pub struct Pipeline {
     spans: Option<Spans>,
     slider: Slider,
+    /// Where points that have gone out of scope come back.
+    revisit: Option<Revisit>,
     segmentor: Arc<dyn Segmentor>,
     crew: Crew,
     under_way: VecDeque<SegmentedWindow>,
@@ -105,6 +108,8 @@ struct SegmentedWindow {
     spans: Vec<Arc<Span>>,
     /// Spans before this one are in no later window.
     leaving: u64,
+    /// Earlier points that were brought back, and whose labels come with those of the spans.
+    context: Option<Context>,
     look: Job<Result<Look>>,
     is_second_look: bool,
 }
@@ -134,6 +139,7 @@ impl Pipeline {
         let pipeline = Self {
             spans: Some(spans),
             slider,
+            revisit: None,
             segmentor,
             crew,
             under_way: VecDeque::new(),
@@ -170,6 +176,15 @@ impl Pipeline {
         self
     }
 
+    /// Brings points that have gone out of scope back to new windows within reach of them, for streams that may come back to
+    /// where they were.
+    #[must_use]
+    pub fn with_revisit(mut self, revisit: Revisit) -> Self {
+        self.revisit = Some(revisit);
+        self.weaver = Weaver::with_late_joins(OutOfScope::all());
+        self
+    }
+
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
         if let Some(spans) = &mut self.spans {
@@ -189,7 +204,10 @@ impl Pipeline {
 
     /// What the run could prove so far; after the end, whether streamed and static are sure to be the same.
     pub fn certificate(&self) -> Certificate {
-        self.certificate
+        // Nothing was early if all that came was in one window.
+        let is_whole = self.finished && self.progress.windows <= 1;
+        let early_decisions = if is_whole { 0 } else { self.certificate.early_decisions };
+        Certificate { early_decisions, ..self.certificate }
     }
 
     /// Whether points that a window could not decide are looked at again, wherever what they depend on is.
@@ -219,6 +237,7 @@ impl Pipeline {
         }
         self.finish_front()?;
         let left = self.weaver.finish();
+        self.revisit = None;
         self.hand_out(left);
         self.finished = true;
         Ok(false)
@@ -226,11 +245,23 @@ impl Pipeline {
 
     /// Takes the next span in and has a window segmented when it is complete; whether there was a span.
     fn take_in_span(&mut self) -> bool {
-        if let Some(window) = self.slider.next_window() {
-            self.segment_window(window);
-            return true;
+        match self.next_window() {
+            Ok(Some((window, context))) => {
+                self.segment_window(window, context);
+                return true;
+            }
+            Ok(None) => (),
+            Err(error) => {
+                self.give_up(Some(error));
+                return true;
+            }
         }
-        match self.spans.as_mut().map(Iterator::next) {
+        let next = self.spans.as_mut().map(Iterator::next);
+        if let Some(spans) = &self.spans {
+            let Waits { points, most } = spans.waits();
+            (self.certificate.waited_points, self.certificate.most_waiting) = (points, most);
+        }
+        match next {
             Some(Some(Ok(span))) => self.slider.push(span),
             Some(ended) => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.
@@ -243,14 +274,22 @@ impl Pipeline {
         true
     }
 
-    fn segment_window(&mut self, window: Window) {
+    fn next_window(&mut self) -> Result<Option<(Window, Option<Context>)>> {
+        match &mut self.revisit {
+            Some(revisit) => revisit.next_window(&mut self.slider),
+            None => Ok(self.slider.next_window().map(|window| (window, None))),
+        }
+    }
+
+    fn segment_window(&mut self, window: Window, context: Option<Context>) {
         let segmentor = Arc::clone(&self.segmentor);
         let (index, spans) = (window.index(), window.own_spans().to_vec());
         let is_last =
             spans.last().is_some_and(|span| span.extent.is_some_and(|Extent { high, .. }| high == f64::INFINITY));
         let leaving = self.slider.next_first_span().filter(|_| !is_last).unwrap_or(u64::MAX);
-        let look = self.crew.start(move || look(&*segmentor, &window));
-        self.under_way.push_back(SegmentedWindow { index, spans, leaving, look, is_second_look: false });
+        let before = context.as_ref().map_or(0, Context::len);
+        let look = self.crew.start(move || look(&*segmentor, &window, before));
+        self.under_way.push_back(SegmentedWindow { index, spans, leaving, context, look, is_second_look: false });
     }
 
     fn weave_window(&mut self) -> Result<()> {
@@ -278,9 +317,16 @@ impl Pipeline {
     }
 
     fn weave(&mut self, window: SegmentedWindow, look: Look) -> Result<()> {
-        let SegmentedWindow { index, spans, .. } = window;
-        let Look { segmented: Segmented { labels, seeded, planes, mut tally, frontier, .. }, sights } = look;
+        let SegmentedWindow { index, spans, context, .. } = window;
+        let Look { segmented, sights, of_context } = look;
+        let Segmented { labels, seeded, planes, mut tally, frontier, .. } = segmented;
         let begun = Instant::now();
+        let raw_id = |span, position| self.weaver.raw_id(span, position);
+        let returned = context.as_ref().map(|context| context.returned(&of_context, raw_id)).unwrap_or_default();
+        tally.returned_points += of_context.len() as u64;
+        if self.may_come_back_to(&spans) {
+            tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
+        }
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
         let first_segment_id = self.weaver.next_id();
@@ -293,7 +339,7 @@ impl Pipeline {
                 labels: &labels,
                 seeded: seeded.as_deref(),
                 agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
-                returned: &[],
+                returned: &returned,
             };
             self.weaver.weave(&window, &self.crew)?
         };
@@ -318,12 +364,20 @@ impl Pipeline {
         let known = self.live.back().map_or(0, |span| span.index + 1);
         self.live.extend(spans.into_iter().filter(|span| span.index >= known));
         if let Err(error) = joined {
-            self.give_up(error);
+            self.give_up(Some(error));
         }
         self.progress.windows += 1;
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
+    }
+
+    /// Whether more of the cloud may come to where the spans are and undo what is decided now. Spans of space hold all that
+    /// ever comes to their place; and where more points can only join more, and are brought together whenever they come,
+    /// nothing is undone.
+    fn may_come_back_to(&self, spans: &[Arc<Span>]) -> bool {
+        let is_undone_by_none = self.revisit.is_some() && self.segmentor.exactness().is_monotone();
+        !is_undone_by_none && spans.iter().any(|span| span.extent.is_none())
     }
 
     /// Joins what the window just woven decides of what it and those before it left open.
@@ -349,13 +403,13 @@ impl Pipeline {
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
         let panicked = |message| Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message };
-        if let Some(error) = answer.unwrap_or_else(|message| Some(panicked(message))) {
-            self.give_up(error);
-        }
+        let error = answer.unwrap_or_else(|message| Some(panicked(message)));
+        self.give_up(error);
     }
 
-    fn give_up(&mut self, error: Error) {
-        self.failure = Some(error);
+    fn give_up(&mut self, failure: Option<Error>) {
+        self.failure = failure;
+        self.revisit = None;
         self.spans = None;
         self.under_way.clear();
         self.slider.clear();
@@ -364,6 +418,9 @@ impl Pipeline {
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
             self.certificate.undecided_points += self.undecided.evict(segmented.index) as u64;
+            if let Some(Err(error)) = self.revisit.as_mut().map(|revisit| revisit.evict(&segmented)) {
+                self.give_up(Some(error));
+            }
             if let Some(span) = self.live.pop_front() {
                 self.progress.points += span.len() as u64;
                 let windows = std::mem::take(&mut self.untold);

@@ -31,7 +31,10 @@ fn scattered() -> impl Strategy<Value = Vec<Place>> {
     let cluster = (middle, near).prop_map(|((x, y, z), near)| {
         near.into_iter().map(|(dx, dy, dz)| [x + dx, y + dy, z + dz]).collect::<Vec<Place>>()
     });
+    let at_one_place = ((-30i64..30, -30i64..30, -2i64..3), 1usize..16);
+    let at_one_place = at_one_place.prop_map(|((x, y, z), count)| vec![[x, y, z]; count]);
     prop_oneof![
+        1 => prop::collection::vec(at_one_place, 0..8).prop_map(|places| places.concat()),
         2 => prop::collection::vec(cluster, 0..6).prop_map(|clusters| clusters.concat()),
         1 => prop::collection::vec((-500i64..500, -500i64..500, -5i64..6).prop_map(Place::from), 0..60),
         1 => cloud(),

@@ -15,7 +15,7 @@ pub use again::LookAgain;
 pub use said::Said;
 
 use crate::error::{Error, Result};
-use crate::label::NONE;
+use crate::label::{Labels, NONE};
 use crate::segmentor::{Exactness, Segmented, Segmentor};
 use crate::window::Window;
 
@@ -26,6 +26,8 @@ pub struct Look {
     pub segmented: Segmented,
     /// The points beyond that share a label with own points.
     pub sights: Vec<Sight>,
+    /// What is said of the points that were brought back.
+    pub of_context: Vec<i32>,
 }
 
 /// A point that is not among a window's own, but has a label that own points have.
@@ -39,23 +41,28 @@ pub struct Sight {
     pub position: u32,
 }
 
-/// Looks at a window.
+/// Looks at a window, of whose points so many, the first, were `brought_back`.
 ///
 /// # Errors
 /// If the segmentor fails, or does not return one label for each point.
-pub fn look(segmentor: &dyn Segmentor, window: &Window) -> Result<Look> {
+pub fn look(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> Result<Look> {
     let mut segmented = segment(segmentor, window)?;
     if let Some(valid) = window.valid() {
         segmented = segmented.spread(valid, window.len());
     }
-    let own = window.own();
-    let sights = if sees_beyond(segmentor.exactness()) { sights(&segmented, window) } else { Vec::new() };
-    segmented = if own.len() < window.len() { segmented.keep(own.clone()) } else { segmented };
+    let (own, mut sights, mut of_context) = (window.own(), Vec::new(), Vec::new());
+    if own.len() < window.len() {
+        let labels = segmented.labels.clone();
+        (segmented, of_context) = segmented.keep(own.clone(), 0..brought_back);
+        if sees_beyond(segmentor.exactness()) {
+            sights = self::sights(&labels, window, brought_back);
+        }
+    }
     if let Some(undecided) = &segmented.undecided {
         segmented.tally.waiting_points = undecided.len() as u64;
         segmented.tally.decided_points = (own.len() - undecided.len()) as u64;
     }
-    Ok(Look { segmented, sights })
+    Ok(Look { segmented, sights, of_context })
 }
 
 /// Whether what decides about a point has no limit, so that neighbors may share no window.
@@ -74,10 +81,9 @@ fn segment(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
 }
 
 /// The points of the halo that share a label with own points; their labels are numbered as those of the own points will be.
-fn sights(segmented: &Segmented, window: &Window) -> Vec<Sight> {
-    let labels = segmented.labels.of_points();
-    let mut number = vec![NONE as i32; segmented.labels.count()];
-    let mut next = 0;
+fn sights(labels: &Labels, window: &Window, brought_back: usize) -> Vec<Sight> {
+    let mut number = vec![NONE as i32; labels.count()];
+    let (labels, mut next) = (labels.of_points(), 0);
     for &label in labels[window.own()].iter().filter(|label| **label >= 0) {
         if number[label as usize] < 0 {
             number[label as usize] = next;
@@ -87,7 +93,7 @@ fn sights(segmented: &Segmented, window: &Window) -> Vec<Sight> {
     let mut sights = Vec::new();
     let mut first = 0;
     for span in window.spans() {
-        if !window.own().contains(&first) {
+        if first >= brought_back && !window.own().contains(&first) {
             let labels = &labels[first..first + span.len()];
             let seen = (0..).zip(labels).filter(|(_, label)| **label >= 0 && number[**label as usize] >= 0);
             let sight =

@@ -14,18 +14,20 @@ pub struct Said {
     same: Vec<[u32; 2]>,
     seeded: Option<Vec<bool>>,
     sights: Vec<Sight>,
+    of_context: Vec<i32>,
     undecided: Vec<u32>,
     rest: Segmented,
 }
 
 impl From<Look> for Said {
-    fn from(Look { mut segmented, sights }: Look) -> Self {
+    fn from(Look { mut segmented, sights, of_context }: Look) -> Self {
         Self {
             labels: segmented.labels.of_points().to_vec(),
             count: segmented.labels.count() as u32,
             same: Vec::new(),
             seeded: segmented.seeded.take(),
             sights,
+            of_context,
             undecided: segmented.undecided.take().unwrap_or_default(),
             rest: segmented,
         }
@@ -90,6 +92,7 @@ impl Said {
         segmented.tally.waiting_points = self.undecided.len() as u64;
         segmented.tally.decided_points = (self.labels.len() - self.undecided.len()) as u64;
         segmented.undecided = Some(self.undecided);
-        Look { segmented, sights }
+        let of_context = self.of_context.iter().map(|&label| if label < 0 { label } else { number_of(label) });
+        Look { segmented, sights, of_context: of_context.collect() }
     }
 }

@@ -22,7 +22,7 @@ use std::ops::Range;
 use crate::certificate::Tally;
 use crate::error::Result;
 use crate::front::Frontier;
-use crate::label::Labels;
+use crate::label::{Labels, NONE};
 use crate::neighborhood::Search;
 use crate::window::Window;
 
@@ -55,13 +55,20 @@ impl Segmented {
     /// What is said of the points at `positions`, nothing where there is no position.
     #[must_use]
     pub fn take(self, positions: &[Option<u32>]) -> Self {
-        self.take_each(positions.iter().copied())
+        self.take_each(positions.iter().copied()).0
     }
 
-    /// What is said of the points in `range` only.
+    /// What is said of the points in `range` only, and which of its labels the points in `others` have.
     #[must_use]
-    pub fn keep(self, range: Range<usize>) -> Self {
-        self.take_each(range.map(|position| Some(position as u32)))
+    pub fn keep(self, range: Range<usize>, others: Range<usize>) -> (Self, Vec<i32>) {
+        let mut of_others = self.labels.of_points()[others].to_vec();
+        let mut number = vec![NONE as i32; self.labels.count()];
+        let (kept, old) = self.take_each(range.map(|position| Some(position as u32)));
+        for (label, &old) in (0..).zip(&old) {
+            number[old as usize] = label;
+        }
+        of_others.iter_mut().filter(|label| **label >= 0).for_each(|label| *label = number[*label as usize]);
+        (kept, of_others)
     }
 
     /// What is said of the points at `over`, spread over all of `points` points.
@@ -71,7 +78,8 @@ impl Segmented {
         Self { labels: self.labels.spread(over, points), undecided, ..self }
     }
 
-    fn take_each(self, positions: impl Iterator<Item = Option<u32>> + Clone) -> Self {
+    /// What is said of the points at `positions`, and for each of its labels which one it was.
+    fn take_each(self, positions: impl Iterator<Item = Option<u32>> + Clone) -> (Self, Vec<u32>) {
         let is_among = |undecided: &[u32], at: Option<u32>| at.is_some_and(|at| undecided.binary_search(&at).is_ok());
         let undecided = self.undecided.map(|undecided| {
             let numbered = (0..).zip(positions.clone());
@@ -80,7 +88,7 @@ impl Segmented {
             numbered.filter(|&(_, at)| is_among(&undecided, at)).map(|(point, _)| point).collect()
         });
         let (labels, old) = self.labels.take(positions);
-        Self {
+        let kept = Self {
             labels,
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
@@ -88,7 +96,8 @@ impl Segmented {
             tally: self.tally,
             // Labels have other numbers now, and places may lack the points that made them what they were.
             frontier: None,
-        }
+        };
+        (kept, old)
     }
 }
 

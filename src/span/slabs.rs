@@ -1,85 +1,53 @@
 //! Lays a cloud that is in any order into slabs, in bounded memory, and hands the slabs out along the direction.
 //!
-//! Points wait in memory, slab by slab, until there are [`SPOOL_MEMORY`] bytes of them; then every slab's points go to
-//! the end of one temporary file and the slab remembers where. Inside a slab the points keep the order of the stream.
-//! Slabs without points are passed over, so a stray point far away costs nothing.
+//! Nothing is known of the cloud before it has been read, so no slab is handed on before the last point has come: see
+//! [`Finalized`](super::Finalized) for what a count beforehand makes possible. Slabs without points are passed over, so
+//! a stray point far away costs nothing.
 //!
-//! When all have been laid out, any slab can be read at any time ([`Archive`]); without an archive it is dropped when it has
-//! been handed out.
+//! When all points have come, any slab can be read at any time ([`Archive`](super::Archive)); without an archive it is dropped
+//! when it has been handed on.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
-use super::{Archive, Chunk, Extent, PointIds, SlabIndex, Span, SpanSource};
-use crate::error::{Error, Result};
+use super::spool::{Laid, Spool};
+use super::{Archive, Chunk, SlabIndex, Span, SpanSource};
+use crate::error::Result;
 use crate::lattice::Lattice;
-
-/// How many bytes of points wait in memory before they go to disk.
-const SPOOL_MEMORY: usize = 16 << 20;
-
-/// Bytes of a point without attributes.
-const BYTES_PER_POINT: usize = size_of::<[f64; 3]>() + size_of::<i64>();
 
 /// An iterator of spans by width over chunks in any order.
 pub struct Slabs<C> {
     /// The source until it is spooled.
     chunks: Option<C>,
-    slab_of: SlabIndex,
-    lattice: Lattice,
     spool: Spool,
-    waiting: BTreeMap<i64, Slab>,
+    archived: Option<Archived>,
+}
+
+/// Slabs that are kept, and which of them is the next to be handed on.
+struct Archived {
     laid: Arc<OnceLock<Laid>>,
-    is_archived: bool,
-    /// The next span, and one behind the last.
     index: u64,
-    end: u64,
+}
+
+impl Archived {
+    fn hand_on(&mut self) -> Option<Result<Span>> {
+        self.index += 1;
+        self.laid.extents().get(self.index as usize - 1).map(|_| self.laid.read(self.index - 1))
+    }
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
-        let spool = Spool { file: None, attributes: 0, bytes: 0, memory: SPOOL_MEMORY };
-        let (waiting, laid) = (BTreeMap::new(), Arc::default());
-        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting, laid, is_archived: false, index: 0, end: 0 }
-    }
-
-    /// Lays the slabs out, when all points have come.
-    fn lay_out(&mut self) {
-        let numbers: Vec<i64> = self.waiting.keys().copied().collect();
-        // Slabs passed over have no points, so the extent goes on to the next that has some.
-        let extent = |(at, &number): (usize, &i64)| {
-            self.slab_of.extent((at > 0).then_some(number), numbers.get(at + 1).copied(), &self.lattice)
-        };
-        let extents = numbers.iter().enumerate().map(extent).collect();
-        let slabs = std::mem::take(&mut self.waiting).into_values().collect();
-        let spool = Spool { file: self.spool.file.take(), ..self.spool };
-        self.end = numbers.len() as u64;
-        // Nobody has laid them out before.
-        let _ = self.laid.set(Laid { extents, shelf: Mutex::new(Shelf { slabs, spool }) });
+        Self { chunks: Some(chunks), spool: Spool::new(slab_of, lattice), archived: None }
     }
 
     fn spool_all(&mut self, chunks: C) -> Result<()> {
-        let mut point_id = 0;
-        let mut at = 0;
         for chunk in chunks {
-            let chunk = chunk?;
-            for (position, point) in chunk.points.iter().enumerate() {
-                // A point with no valid position stays with the points it came with.
-                at = self.slab_of.of(point)?.unwrap_or(at);
-                let slab = self.waiting.entry(at).or_default();
-                slab.point_ids.push(point_id);
-                slab.held.append(&chunk, position..position + 1);
-                point_id += 1;
-            }
-            self.spool.bytes += chunk.points.len() * bytes_per_point(chunk.attributes.len());
-            if self.spool.bytes >= self.spool.memory {
-                self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
-            }
+            self.spool.lay(&chunk?, |_, _| ())?;
+            self.spool.relieve()?;
         }
-        if self.spool.file.is_some() {
-            // Where some are on disk all go there: the windows that follow can use the memory.
-            self.spool.write(&mut self.waiting).map_err(|e| Error::spool("written", e))?;
+        self.spool.settle()?;
+        if let Some(Archived { laid, .. }) = &self.archived {
+            laid.get_or_init(|| self.spool.lay_out());
         }
         Ok(())
     }
@@ -89,146 +57,39 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
     type Item = Result<Span>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if let Some(chunks) = self.chunks.take() {
-            if let Err(error) = self.spool_all(chunks) {
-                self.waiting.clear();
-                return Some(Err(error));
-            }
-            self.lay_out();
+        if let Some(chunks) = self.chunks.take()
+            && let Err(error) = self.spool_all(chunks)
+        {
+            self.spool.clear();
+            return Some(Err(error));
         }
-        if self.index == self.end {
-            return None;
+        match &mut self.archived {
+            Some(archived) => archived.hand_on(),
+            None => self.spool.hand_on(),
         }
-        self.index += 1;
-        self.laid.get().map(|laid| laid.span(self.index - 1, self.is_archived))
     }
 }
 
 impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Slabs<C> {
     fn stop(&mut self) {
         self.chunks = None;
-        self.end = self.index;
+        self.spool.clear();
+        if let Some(archived) = &mut self.archived {
+            archived.index = archived.laid.extents().len() as u64;
+        }
     }
 
     fn archive(&mut self) -> Option<Arc<dyn Archive>> {
-        self.is_archived = true;
-        Some(Arc::new(Arc::clone(&self.laid)))
-    }
-}
-
-/// All slabs of a cloud that has come to its end.
-struct Laid {
-    extents: Vec<Extent>,
-    shelf: Mutex<Shelf>,
-}
-
-struct Shelf {
-    slabs: Vec<Slab>,
-    spool: Spool,
-}
-
-impl Laid {
-    /// Reads a slab; leaves nothing in its place if it is not `kept`.
-    fn span(&self, index: u64, kept: bool) -> Result<Span> {
-        let mut shelf = self.shelf.lock().unwrap_or_else(PoisonError::into_inner);
-        let Shelf { slabs, spool } = &mut *shelf;
-        let slab = &mut slabs[index as usize];
-        let slab = if kept { slab.clone() } else { std::mem::take(slab) };
-        let (point_ids, Chunk { points, attributes }) = spool.read(slab).map_err(|e| Error::spool("read", e))?;
-        let extent = Some(self.extents[index as usize]);
-        Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
-    }
-}
-
-impl Archive for Arc<OnceLock<Laid>> {
-    fn extents(&self) -> &[Extent] {
-        self.get().map_or(&[], |laid| &laid.extents)
-    }
-
-    fn read(&self, index: u64) -> Result<Span> {
-        let laid = self.get().ok_or_else(|| Error::spool("read", io::ErrorKind::NotFound.into()))?;
-        laid.span(index, true)
-    }
-}
-
-/// The points of one slab: those already on disk, and those that wait in memory.
-#[derive(Debug, Clone, Default)]
-struct Slab {
-    written: Vec<Stretch>,
-    point_ids: Vec<i64>,
-    held: Chunk,
-}
-
-fn bytes_per_point(attributes: usize) -> usize {
-    BYTES_PER_POINT + attributes * size_of::<f64>()
-}
-
-/// Where some points of a slab lie in the file: their ids, their coordinates, then attribute by attribute.
-#[derive(Debug, Clone)]
-struct Stretch {
-    start: u64,
-    points: usize,
-}
-
-struct Spool {
-    file: Option<File>,
-    /// How many attributes a written point has.
-    attributes: usize,
-    bytes: usize,
-    memory: usize,
-}
-
-impl Spool {
-    fn write(&mut self, slabs: &mut BTreeMap<i64, Slab>) -> io::Result<()> {
-        let file = match &mut self.file {
-            Some(file) => file,
-            none => none.insert(tempfile::tempfile()?),
-        };
-        let mut end = file.seek(SeekFrom::End(0))?;
-        let mut writer = BufWriter::with_capacity(1 << 20, file);
-        for slab in slabs.values_mut().filter(|slab| !slab.point_ids.is_empty()) {
-            let Chunk { points, attributes } = std::mem::take(&mut slab.held);
-            writer.write_all(bytemuck::cast_slice(&std::mem::take(&mut slab.point_ids)))?;
-            writer.write_all(bytemuck::cast_slice(&points))?;
-            for values in &attributes {
-                writer.write_all(bytemuck::cast_slice(values))?;
-            }
-            slab.written.push(Stretch { start: end, points: points.len() });
-            end += (points.len() * bytes_per_point(attributes.len())) as u64;
-            self.attributes = attributes.len();
-        }
-        self.bytes = 0;
-        writer.flush()
-    }
-
-    fn read(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Chunk)> {
-        let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.held)) };
-        let written: usize = slab.written.iter().map(|stretch| stretch.points).sum();
-        let mut point_ids = vec![0i64; written];
-        let mut points = vec![[0.0f64; 3]; written];
-        let mut attributes = vec![vec![0.0f64; written]; self.attributes];
-        let mut at = 0;
-        for stretch in &slab.written {
-            let range = at..at + stretch.points;
-            file.seek(SeekFrom::Start(stretch.start))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[range.clone()]))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut points[range.clone()]))?;
-            for values in &mut attributes {
-                file.read_exact(bytemuck::cast_slice_mut(&mut values[range.clone()]))?;
-            }
-            at = range.end;
-        }
-        let mut chunk = Chunk { points, attributes };
-        point_ids.extend(slab.point_ids);
-        chunk.append(&slab.held, 0..slab.held.points.len());
-        Ok((point_ids, chunk))
+        let laid: Arc<OnceLock<Laid>> = Arc::default();
+        self.archived = Some(Archived { laid: Arc::clone(&laid), index: 0 });
+        Some(Arc::new(laid))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::span::Direction;
+    use crate::span::{Direction, PointIds};
     use proptest::prelude::*;
 
     proptest! {
@@ -237,6 +98,7 @@ mod tests {
             xs in prop::collection::vec(prop_oneof![4 => -50.0f64..50.0, 1 => Just(f64::NAN)], 1..200),
             chunk_size in 1usize..50,
             memory in prop_oneof![Just(1usize), Just(500), Just(usize::MAX)],
+            is_archived in any::<bool>(),
         ) {
             let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
                 points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
@@ -245,6 +107,8 @@ mod tests {
             let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
             let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
             slabs.spool.memory = memory;
+            let archive = if is_archived { slabs.archive() } else { None };
+            let mut handed_on = Vec::new();
 
             let mut seen = vec![false; xs.len()];
             let mut last_slab = i64::MIN;
@@ -272,6 +136,15 @@ mod tests {
                     prop_assert!(slab > last_slab);
                     last_slab = slab;
                 }
+                handed_on.push(span);
+            }
+            // In any order and more than once.
+            for span in handed_on.iter().chain(&handed_on).rev() {
+                let Some(archive) = &archive else { break };
+                let again = archive.read(span.index).unwrap();
+                prop_assert_eq!((&again.points, &again.point_ids), (&span.points, &span.point_ids));
+                prop_assert_eq!(archive.extents()[span.index as usize], span.extent.unwrap());
+                prop_assert_eq!(archive.extents().len(), handed_on.len());
             }
             prop_assert!(seen.into_iter().all(|s| s));
             prop_assert_eq!(high, f64::INFINITY);

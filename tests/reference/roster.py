@@ -30,7 +30,7 @@ class Promise(NamedTuple):
 
 
 ROSTER = {
-    "delaunay xyz": Promise(ss.Proximity(1.0), "B", False, 1.0, True),
+    "delaunay xyz": Promise(ss.Proximity(1.0), "B", True, 1.0, True),
     "delaunay xy": Promise(ss.Proximity(0.3, metric="xy"), "A", True, 0.3, True),
     "radius xyz": Promise(ss.Proximity(0.6, graph="radius"), "A", True, 0.6, True),
     "radius xy": Promise(ss.Proximity(0.3, graph="radius", metric="xy"), "A", True, 0.3, True),
@@ -61,7 +61,7 @@ ROSTER = {
     "growing, all in a ball": Promise(
         ss.RegionGrowing(None, search_radius=1.0, angle_deg=15.0, residual=0.2), "B", True, 1.0, True
     ),
-    "growing, no limit": Promise(ss.RegionGrowing(16, angle_deg=20.0), "B", False, None, True),
+    "growing, no limit": Promise(ss.RegionGrowing(16, angle_deg=20.0), "B", True, None, True),
     "growing, principal": Promise(
         ss.RegionGrowing(20, search_radius=2.0, curvature="principal", max_curvature=0.5), "B", True, 2.0, True
     ),
