@@ -14,9 +14,12 @@ use crate::error::{Error, Result};
 use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
+use crate::look::{Look, LookAgain, look, sees_beyond};
 use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
-use crate::span::{Span, Spans, Waits};
+use crate::sightings::Sightings;
+use crate::span::{Extent, Span, Spans, Waits};
+use crate::undecided::Undecided;
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Returned, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
@@ -44,6 +47,11 @@ pub struct Pipeline {
     progress: Progress,
     planes: LivePlanes,
     certificate: Certificate,
+    undecided: Undecided,
+    /// Where neighbors may share no window.
+    sightings: Option<Sightings>,
+    /// Where the points that a window could not decide can be looked at again.
+    again: Option<LookAgain>,
     /// What windows leave open, where that can be decided later.
     front: Option<Front>,
 }
@@ -98,23 +106,39 @@ pub struct Progress {
 struct SegmentedWindow {
     index: u64,
     spans: Vec<Arc<Span>>,
+    /// Spans before this one are in no later window.
+    leaving: u64,
     /// Earlier points that were brought back, and whose labels come with those of the spans.
     context: Option<Context>,
-    labels: Job<Result<(Segmented, Vec<i32>)>>,
+    look: Job<Result<Look>>,
+    is_second_look: bool,
 }
 
 impl Pipeline {
     /// Streams `spans`, whose coordinates lie on `lattice`, through windows of `size`. A segmentor that cannot label
     /// several windows at the same time gets a crew of one.
-    pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
+    pub fn new(
+        mut spans: Spans,
+        lattice: Lattice,
+        segmentor: Arc<dyn Segmentor>,
+        size: WindowSize,
+        crew: Crew,
+    ) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
         let exactness = segmentor.exactness();
-        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let again = LookAgain::new(&segmentor, || spans.archive(), lattice);
+        let sightings = sees_beyond(exactness).then(|| Sightings::new(again.is_some()));
         let front = matches!(exactness, Exactness::Proven { .. }).then(Front::default);
-        let out_of_scope = front.as_ref().map_or_else(OutOfScope::default, |_| OutOfScope::awaited());
-        Self {
+        let out_of_scope = match (&sightings, &front) {
+            (Some(sightings), _) => sightings.out_of_scope(),
+            (None, Some(_)) => OutOfScope::awaited(),
+            (None, None) => OutOfScope::default(),
+        };
+        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let names = segmentor.reads();
+        let pipeline = Self {
             spans: Some(spans),
-            slider: slider.with_attributes(segmentor.reads()),
+            slider,
             revisit: None,
             segmentor,
             crew,
@@ -130,7 +154,11 @@ impl Pipeline {
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
             front,
-        }
+            undecided: Undecided::default(),
+            sightings,
+            again,
+        };
+        pipeline.with_attributes(names)
     }
 
     /// Has `look_up` called at least once a window; its error interrupts the run, which can then go on or be stopped.
@@ -143,6 +171,7 @@ impl Pipeline {
     /// Names the attributes that chunks bring along, if they are others than those that the segmentor reads.
     #[must_use]
     pub fn with_attributes(mut self, names: Vec<String>) -> Self {
+        self.again = self.again.map(|again| again.with_attributes(&names));
         self.slider = self.slider.with_attributes(names);
         self
     }
@@ -179,6 +208,11 @@ impl Pipeline {
         let is_whole = self.finished && self.progress.windows <= 1;
         let early_decisions = if is_whole { 0 } else { self.certificate.early_decisions };
         Certificate { early_decisions, ..self.certificate }
+    }
+
+    /// Whether points that a window could not decide are looked at again, wherever what they depend on is.
+    pub fn looks_again(&self) -> bool {
+        self.again.is_some()
     }
 
     /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
@@ -250,31 +284,51 @@ impl Pipeline {
     fn segment_window(&mut self, window: Window, context: Option<Context>) {
         let segmentor = Arc::clone(&self.segmentor);
         let (index, spans) = (window.index(), window.own_spans().to_vec());
+        let is_last =
+            spans.last().is_some_and(|span| span.extent.is_some_and(|Extent { high, .. }| high == f64::INFINITY));
+        let leaving = self.slider.next_first_span().filter(|_| !is_last).unwrap_or(u64::MAX);
         let before = context.as_ref().map_or(0, Context::len);
-        let labels = self.crew.start(move || label_own_points(&*segmentor, &window, before));
-        self.under_way.push_back(SegmentedWindow { index, spans, context, labels });
+        let look = self.crew.start(move || look(&*segmentor, &window, before));
+        self.under_way.push_back(SegmentedWindow { index, spans, leaving, context, look, is_second_look: false });
     }
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
-        let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
-        let Some(SegmentedWindow { index, spans, context, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let (Segmented { labels, seeded, planes, mut tally, frontier }, labels_of_context) = match labels {
-            Ok(Ok(segmented)) => segmented,
+        let look = first.look.wait(&mut || (self.look_up)(&self.progress))?;
+        let Some(window) = self.under_way.pop_front() else { return Ok(()) };
+        let look = match look {
+            Ok(Ok(look)) => look,
             failed => {
-                self.fail(index, failed.map(Result::err));
+                self.fail(window.index, failed.map(Result::err));
                 return Ok(());
             }
         };
+        self.undecided.take_in(&window.spans, look.segmented.undecided.as_deref().unwrap_or_default());
+        let points = self.undecided.before(window.leaving, &window.spans);
+        match &self.again {
+            Some(again) if !points.is_empty() && !window.is_second_look => {
+                let (again, index, spans) = (again.clone(), window.index, window.spans.clone());
+                let look = self.crew.start(move || again.look(index, &spans, look, &points));
+                self.under_way.push_front(SegmentedWindow { look, is_second_look: true, ..window });
+                Ok(())
+            }
+            _ => self.weave(window, look),
+        }
+    }
+
+    fn weave(&mut self, window: SegmentedWindow, look: Look) -> Result<()> {
+        let SegmentedWindow { index, spans, context, .. } = window;
+        let Look { segmented, sights, of_context } = look;
+        let Segmented { labels, seeded, planes, mut tally, frontier, .. } = segmented;
         let begun = Instant::now();
-        let returned = match self.returned(context.as_ref(), &labels_of_context, planes.as_deref()) {
+        let returned = match self.returned(context.as_ref(), &of_context, planes.as_deref()) {
             Ok(returned) => returned,
             Err(error) => {
                 self.give_up(Some(error));
                 return Ok(());
             }
         };
-        tally.returned_points += labels_of_context.len() as u64;
+        tally.returned_points += of_context.len() as u64;
         if self.may_come_back_to(&spans) {
             tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
         }
@@ -294,10 +348,12 @@ impl Pipeline {
             };
             self.weaver.weave(&window, &self.crew)?
         };
+        let joined = match (&mut self.sightings, &frontier) {
+            (Some(sightings), _) => sightings.join(&sights, first_segment_id, index, &evicted, &mut self.weaver),
+            (_, Some(frontier)) => self.advance_front(index, frontier, first_segment_id, &mut tally),
+            (None, None) => Ok(()),
+        };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
-        if let Some(frontier) = frontier {
-            self.advance_front(index, &frontier, first_segment_id, &mut tally)?;
-        }
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
             index,
@@ -312,6 +368,9 @@ impl Pipeline {
         self.hand_out(evicted);
         let known = self.live.back().map_or(0, |span| span.index + 1);
         self.live.extend(spans.into_iter().filter(|span| span.index >= known));
+        if let Err(error) = joined {
+            self.give_up(Some(error));
+        }
         self.progress.windows += 1;
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
@@ -363,10 +422,9 @@ impl Pipeline {
 
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
-        self.give_up(match answer {
-            Ok(error) => error,
-            Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
-        });
+        let panicked = |message| Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message };
+        let error = answer.unwrap_or_else(|message| Some(panicked(message)));
+        self.give_up(error);
     }
 
     fn give_up(&mut self, failure: Option<Error>) {
@@ -379,6 +437,7 @@ impl Pipeline {
 
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
+            self.certificate.undecided_points += self.undecided.evict(segmented.index) as u64;
             if let Some(Err(error)) = self.revisit.as_mut().map(|revisit| revisit.evict(&segmented)) {
                 self.give_up(Some(error));
             }
@@ -420,21 +479,6 @@ impl LivePlanes {
         self.planes.drain(..forgotten as usize);
         self.oldest += forgotten;
     }
-}
-
-/// The labels of all of a window's own points, and those of its first points, so many of which were brought back.
-fn label_own_points(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> Result<(Segmented, Vec<i32>)> {
-    let mut segmented = segmentor.segment(window)?;
-    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
-    if given != points {
-        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
-        return Err(Error::Labels { segmentor: segmentor.name().into(), problem });
-    }
-    if let Some(valid) = window.valid() {
-        segmented.labels = segmented.labels.spread(valid, window.len());
-    }
-    let has_others = window.own().len() < window.len();
-    Ok(if has_others { segmented.keep(window.own(), 0..brought_back) } else { (segmented, Vec::new()) })
 }
 
 impl Iterator for Pipeline {

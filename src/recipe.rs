@@ -169,9 +169,12 @@ impl Recipe {
         }
         let filter = self.ingredients.filter.as_ref();
         let filter = filter.map(|filter| filter.bind(|name| window.columns().get(name))).transpose()?;
+        // Whoever looks at neighbors has to know that there may be more of them.
+        let is_open = self.filter_computes() && matches!(self.exactness(), Exactness::WithHalo { .. });
+        let may_take_part = |i: u32| is_open && !window.is_final(i);
         let takes_part = |i: &u32| {
             (everywhere || window.holds(&window.points()[*i as usize], 0.0))
-                && filter.as_ref().is_none_or(|filter| filter.holds(*i as usize))
+                && (filter.as_ref().is_none_or(|filter| filter.holds(*i as usize)) || may_take_part(*i))
         };
         Ok(Some((0..window.points().len() as u32).filter(takes_part).collect()))
     }
@@ -205,7 +208,7 @@ impl Recipe {
             seeded
         });
         if let Some(kept) = kept {
-            segmented.labels = segmented.labels.spread(&kept, all);
+            segmented = segmented.spread(&kept, all);
         }
         Ok(segmented)
     }
@@ -249,10 +252,6 @@ impl Segmentor for Recipe {
             // Such as statistics of what has come so far: they depend on how the cloud is cut.
             return Exactness::Measured { reach: f64::INFINITY, halo: f64::INFINITY };
         }
-        if self.feature_reach() == f64::INFINITY && self.filter_computes() {
-            // Who takes part is decided where features are not final, and so is who is near whom.
-            return Exactness::Measured { reach: f64::INFINITY, halo: f64::INFINITY };
-        }
         let halo = total_halo(stages) + self.feature_reach();
         let displacement: f64 = stages.iter().map(|stage| stage.displacement()).sum();
         let exactness = self.ingredients.segmentor.exactness();
@@ -267,6 +266,11 @@ impl Segmentor for Recipe {
 
     fn reads(&self) -> Vec<String> {
         self.reads.clone()
+    }
+
+    /// What decides about a point, if the points that are looked at are those of the cloud.
+    fn neighborhood(&self) -> Option<Search> {
+        self.search.filter(|_| self.ingredients.stages.iter().all(|stage| stage.displacement() == 0.0))
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

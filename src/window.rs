@@ -7,6 +7,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
+use rustc_hash::FxHashMap;
+
 use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
 use crate::lattice::{Lattice, is_valid};
@@ -72,6 +74,27 @@ pub enum Halo {
     Span,
 }
 
+/// How much of the cloud has been loaded around some places, where the rest of it has not been loaded on purpose: lengths in
+/// units of the coordinates, on the map or in space, as the neighbors are sought.
+#[derive(Debug, Clone, Default)]
+pub struct Around(FxHashMap<[u64; 3], f64>);
+
+impl Around {
+    /// Notes that all that lies within `radius` of `place` has been loaded.
+    pub fn add(&mut self, place: &[f64; 3], radius: f64) {
+        self.0.insert(place.map(f64::to_bits), radius);
+    }
+
+    /// How much has been loaded around `place`; less than nothing if it is none of the places.
+    fn of(&self, place: &[f64; 3]) -> f64 {
+        self.0.get(&place.map(f64::to_bits)).copied().unwrap_or(f64::NEG_INFINITY)
+    }
+
+    fn shrink(&mut self, margin: f64) {
+        self.0.values_mut().for_each(|radius| *radius -= margin);
+    }
+}
+
 /// What a segmentor sees: the valid points of some consecutive spans.
 #[derive(Debug, Clone)]
 pub struct Window {
@@ -79,13 +102,13 @@ pub struct Window {
     spans: Vec<Arc<Span>>,
     /// Which of the spans are the window's own; the others are its halo.
     own_spans: Range<usize>,
-    /// The lattice of the spans, and that of the points where others stand for theirs.
-    origin: Lattice,
     lattice: Lattice,
     points: Vec<[f64; 3]>,
     point_ids: Vec<i64>,
     columns: Columns,
     extent: Option<Extent>,
+    /// Where only some places' surroundings have been loaded.
+    around: Option<Around>,
     /// Positions of the points among all, where some are left out.
     valid: Option<Vec<u32>>,
     /// Which points are final, where some are not.
@@ -122,12 +145,12 @@ impl Window {
             index,
             spans,
             own_spans: own,
-            origin: lattice,
             lattice,
             points,
             point_ids,
             columns,
             extent,
+            around: None,
             valid: None,
             is_final: None,
             seeds: None,
@@ -148,12 +171,12 @@ impl Window {
             index: self.index,
             spans: self.spans.clone(),
             own_spans: self.own_spans.clone(),
-            origin: self.origin,
             lattice: self.lattice,
             points: kept.iter().map(|i| self.points[at(i)]).collect(),
             point_ids: kept.iter().map(|i| self.point_ids[at(i)]).collect(),
             columns: self.columns.select(kept),
             extent: self.extent,
+            around: self.around.clone(),
             valid: Some(match &self.valid {
                 Some(valid) => kept.iter().map(|i| valid[at(i)]).collect(),
                 None => kept.to_vec(),
@@ -171,17 +194,23 @@ impl Window {
             index: self.index,
             spans: self.spans.clone(),
             own_spans: self.own_spans.clone(),
-            origin: self.origin,
             lattice,
             points,
             point_ids,
             columns,
             extent: self.extent.map(|extent| moved(extent, &self.lattice, &lattice)),
+            around: self.around.clone(),
             valid: None,
             is_final: None,
             seeds: None,
             neighborhoods: None,
         }
+    }
+
+    /// Says that of the cloud only what lies `around` some places has been loaded.
+    #[must_use]
+    pub fn with_around(self, around: Around) -> Self {
+        Self { around: Some(around), ..self }
     }
 
     /// Number of the window, from 0.
@@ -255,26 +284,24 @@ impl Window {
     /// beyond that something about the points is not final.
     pub fn shrink(&mut self, margin: f64) {
         self.extent = self.extent.map(|extent| extent.shrunk(margin, &self.lattice));
+        if let Some(around) = &mut self.around {
+            around.shrink(margin);
+        }
     }
 
     /// Whether every point of the cloud within `radius` (in units of the coordinates) of `point` on the map is in this
     /// window. Where spans are cut in stream order nothing is known, and it counts as true.
     pub fn holds(&self, point: &[f64; 3], radius: f64) -> bool {
         self.extent.is_none_or(|extent| extent.holds(point, radius, &self.lattice))
-    }
-
-    /// Whether a place is among the window's own spans, not in its halo.
-    pub fn is_own(&self, point: &[f64; 3]) -> bool {
-        let Some(own) = extent_of(self.own_spans()) else { return true };
-        let Extent { direction, low, high, .. } = moved(own, &self.origin, &self.lattice);
-        let [x, y] = self.lattice.horizontal(point);
-        (low..high).contains(&(direction[0] * x + direction[1] * y))
+            && self.around.as_ref().is_none_or(|around| around.of(point) >= radius)
     }
 
     /// How far `point` is from the border of what has been loaded, on the map and in units of the coordinates: 0 if it lies
     /// beyond, ∞ if there is no border.
     pub fn distance_to_border(&self, point: &[f64; 3]) -> f64 {
-        self.extent.map_or(f64::INFINITY, |extent| extent.distance_to_border(point, &self.lattice))
+        let to_border = |extent: Extent| extent.distance_to_border(point, &self.lattice);
+        let loaded = self.around.as_ref().map_or(f64::INFINITY, |around| around.of(point).max(0.0));
+        self.extent.map_or(f64::INFINITY, to_border).min(loaded)
     }
 
     /// Whether all that is known of the point is final: no other window can know more.
@@ -437,6 +464,11 @@ impl Slider {
         let is_ready = there >= self.size.spans && self.has_halo(end);
         // When the source has ended, the last window may have fewer spans.
         (is_ready || (self.ended && there > self.shared)).then(|| self.advance(end))
+    }
+
+    /// The first span of the next window, if it has come already.
+    pub fn next_first_span(&self) -> Option<u64> {
+        self.held.get(self.before).map(|span| span.index)
     }
 
     /// Forgets the spans of windows that will never come.

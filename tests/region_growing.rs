@@ -10,19 +10,16 @@ mod oracle;
 mod streaming;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use clouds::{Survey, cases, cloud, squared_distance, survey};
 use oracle::growing::{Surface, literal, neighbors, order_free};
-use oracle::partition::{canonical, refines};
+use oracle::partition::canonical;
 use proptest::prelude::*;
-use streaming::{Outcome, Run, static_labels, static_labels_with, stream, stream_with};
-use streamseg::error::Result;
+use streaming::{Run, static_labels, static_labels_with, stream, stream_with};
 use streamseg::features::{Feature, Fit, compute};
-use streamseg::label::NONE;
 use streamseg::neighborhood::Search;
 use streamseg::recipe::{Ingredients, Recipe};
-use streamseg::segmentor::{Curvature, Exactness, Form, Growth, RegionGrowing, Segmented, Segmentor};
+use streamseg::segmentor::{Curvature, Form, Growth, RegionGrowing, Segmentor};
 use streamseg::span::{Direction, Source, SpanBy};
 use streamseg::window::{Window, WindowSize};
 
@@ -162,40 +159,6 @@ fn is_exact(survey: &Survey) -> bool {
     survey.lattice.is_whole() || survey.unit == 1.0
 }
 
-/// Counts what a segmentor leaves undecided.
-struct Counting {
-    segmentor: RegionGrowing,
-    undecided: Arc<AtomicU64>,
-}
-
-impl Segmentor for Counting {
-    fn name(&self) -> &str {
-        self.segmentor.name()
-    }
-
-    fn exactness(&self) -> Exactness {
-        self.segmentor.exactness()
-    }
-
-    fn attributes(&self) -> Vec<String> {
-        self.segmentor.attributes()
-    }
-
-    fn neighborhood(&self) -> Option<Search> {
-        self.segmentor.neighborhood()
-    }
-
-    fn looks_at_neighbors(&self) -> bool {
-        self.segmentor.looks_at_neighbors()
-    }
-
-    fn segment(&self, window: &Window) -> Result<Segmented> {
-        let segmented = self.segmentor.segment(window)?;
-        self.undecided.fetch_add(segmented.tally.waiting_points, Ordering::Relaxed);
-        Ok(segmented)
-    }
-}
-
 proptest! {
     #![proptest_config(cases(192))]
 
@@ -233,56 +196,19 @@ proptest! {
         let segmentor = growing(growth, sought, &survey);
         let by = wide_enough(segmentor.growth().search.reach(), spare, size, direction, &survey);
         let run = Run { by, size, source: Source::Stored, chunks: vec![chunk], threads };
-        let undecided = Arc::new(AtomicU64::new(0));
-        let counting = || Counting { segmentor, undecided: undecided.clone() };
-
         prop_assert!(segmentor.exactness().assess(by, size, &survey.lattice).is_identical);
         let given = made_up(cloud.len(), growth.curvature, seed);
-        let outcome = stream_with(&points, &given, survey.lattice, Arc::new(counting()), &run);
+        let outcome = stream_with(&points, &given, survey.lattice, Arc::new(segmentor), &run);
         let whole = static_labels_with(&points, &given, survey.lattice, &segmentor);
         prop_assert_eq!(canonical(&outcome.settled), canonical(&whole));
+        prop_assert!(outcome.certificate.is_complete());
 
-        let recipe = recipe(counting());
+        let recipe = recipe(segmentor);
         prop_assert!(recipe.exactness().assess(by, size, &survey.lattice).is_identical);
         let whole = static_labels(&points, survey.lattice, &recipe);
         let outcome = stream(&points, survey.lattice, Arc::new(recipe), &run);
         prop_assert_eq!(canonical(&outcome.settled), canonical(&whole));
-        prop_assert_eq!(undecided.load(Ordering::Relaxed), 0);
-    }
-
-    /// Without a radius what is labelled is together only where it is in the whole cloud, and what is not is counted.
-    #[test]
-    fn without_a_radius_streamed_splits_but_never_merges(
-        cloud in cloud(), survey in survey(), k in 1usize..9, growth in growth(), size in overlapping(),
-        width in 1i64..60, direction in direction(), seed in any::<u64>(),
-    ) {
-        let points = survey.told(&cloud);
-        let segmentor = growing(growth, Sought { k: Some(k), squared: None }, &survey);
-        let by = SpanBy::Width { width: width as f64 * survey.unit, direction };
-        let run = Run { by, size, source: Source::Stored, chunks: vec![7], threads: 1 };
-        let check = |outcome: &Outcome, whole: &[i64], undecided: u64| {
-            let labelled: Vec<usize> = (0..cloud.len()).filter(|&i| outcome.settled[i] != NONE).collect();
-            let streamed: Vec<i64> = labelled.iter().map(|&i| outcome.settled[i]).collect();
-            let of_whole: Vec<i64> = labelled.iter().map(|&i| whole[i]).collect();
-            prop_assert!(!of_whole.contains(&NONE), "a point is labelled that has no segment");
-            prop_assert!(refines(&streamed, &of_whole), "points of two segments are joined");
-            let missing = whole.iter().filter(|id| **id != NONE).count() - labelled.len();
-            prop_assert!(missing as u64 <= undecided, "{} are missing, {} undecided", missing, undecided);
-            // Where all was decided in every window, only pairs that share no window can be missing.
-            Ok(())
-        };
-        let undecided = Arc::new(AtomicU64::new(0));
-        let counting = || Counting { segmentor, undecided: undecided.clone() };
-        let given = made_up(cloud.len(), growth.curvature, seed);
-        let outcome = stream_with(&points, &given, survey.lattice, Arc::new(counting()), &run);
-        let whole = static_labels_with(&points, &given, survey.lattice, &segmentor);
-        check(&outcome, &whole, undecided.swap(0, Ordering::Relaxed))?;
-
-        let recipe = recipe(counting());
-        let whole = static_labels(&points, survey.lattice, &recipe);
-        undecided.store(0, Ordering::Relaxed);
-        let outcome = stream(&points, survey.lattice, Arc::new(recipe), &run);
-        check(&outcome, &whole, undecided.load(Ordering::Relaxed))?;
+        prop_assert!(outcome.certificate.is_complete());
     }
 
     /// Ids are the same for any number of threads and any chunks, and the order-free partition for any order of points

@@ -131,14 +131,83 @@ def test_streamed_is_static(measured: Callable[[str], Cloud], name: str, radius:
 
 
 @pytest.mark.parametrize("width", [10.0, 60.0])
-def test_without_a_radius_streamed_is_near_to_static(data: Path, width: float) -> None:
-    for literal in (False, True):
-        growing = ss.RegionGrowing(angle_deg=20.0, literal=literal)
-        static = ss.segment_static(data / "als/lidarhd_77050_627755.laz", growing)
-        labels = ss.segment(data / "als/lidarhd_77050_627755.laz", growing, spans=ss.SpanByWidth(width))
-        index = agreement(labels, static)
-        print(f"literal={literal}, width {width}: adjusted Rand index {index:.6f}")
-        assert index > 0.99
+def test_without_a_radius_the_literal_form_is_near_to_static(data: Path, width: float) -> None:
+    growing = ss.RegionGrowing(angle_deg=20.0, literal=True)
+    static = ss.segment_static(data / "als/lidarhd_77050_627755.laz", growing)
+    labels = ss.segment(data / "als/lidarhd_77050_627755.laz", growing, spans=ss.SpanByWidth(width))
+    index = agreement(labels, static)
+    print(f"width {width}: adjusted Rand index {index:.6f}")
+    assert index > 0.99
+
+
+@pytest.mark.parametrize(
+    ("name", "widths"),
+    [
+        ("als/lidarhd_77050_627755.laz", [2.0, 7.0]),
+        ("als/topography.laz", [5.0, 20.0]),
+        ("als/autzen_trim.laz", [12.0, 40.0]),
+        ("spinning/kitti_a.bin", [0.7, 5.0]),
+    ],
+)
+def test_without_a_radius_streamed_is_static(
+    measured: Callable[[str], Cloud], name: str, widths: list[float]
+) -> None:
+    source = measured(name).source
+    growing = ss.RegionGrowing(angle_deg=20.0)
+    static = ss.segment_static(source, growing)
+    again = []
+    for width, direction in zip(widths, ("x", 30.0), strict=True):
+        spans = ss.SpanByWidth(width, direction)
+        with ss.stream(source, growing, spans=spans, threads=2, result="final", with_points=False) as run:
+            found = np.full(len(static), -9)
+            for span in run:
+                found[span.point_ids] = span.segment_ids
+        assert same(found, static), f"width {width} along {direction}"
+        assert run.is_proven
+        again.append(run.certificate.returned_points)
+        print(f"{name}, width {width}: {run.certificate}")
+    assert again[0] > 0, "nothing was looked at again, so nothing was tried"
+
+
+def far_apart() -> NDArray[np.float64]:
+    """Flat patches of 4 x 4 points, each 1 wide, that lie 50 from each other and a little higher each."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(4.0), np.arange(4.0)))
+    return np.concatenate([np.column_stack([x + 50 * i, y + 5 * i, np.full(16, 0.01 * i)]) for i in range(12)])
+
+
+def test_neighbors_that_share_no_window_are_joined_in_the_history_too(tmp_path: Path) -> None:
+    points = far_apart()
+    growing = ss.RegionGrowing(20, max_curvature=None)
+    static = ss.segment_static(points, growing)
+    with ss.stream(
+        points, growing, spans=ss.SpanByWidth(0.5), window=ss.Window(2, 0), history=tmp_path / "run", result="carry"
+    ) as run:
+        spans = list(run)
+    assert run.warning is None and run.is_proven
+    ids = np.concatenate([span.segment_ids for span in spans])
+    order = np.concatenate([span.point_ids for span in spans])
+    assert same(run.resolve(ids)[np.argsort(order)], static)
+    resolved = list(ss.History(tmp_path / "run").resolve())
+    order, ids = (np.concatenate(column) for column in zip(*resolved, strict=True))
+    assert same(ids[np.argsort(order)], static)
+    one, two = static[:16], static[16:32]
+    assert set(one) & set(two), "no neighbors far apart, so nothing was tried"
+
+
+def test_points_that_a_live_source_leaves_undecided_are_warned_of() -> None:
+    points = far_apart()
+    growing = ss.RegionGrowing(20)
+    order = np.argsort(points[:, 0], kind="stable")
+    columns = (points[order[i : i + 5]] for i in range(0, len(points), 5))
+    with ss.stream(columns, growing, spans=ss.SpanByWidth(3.0), result="final") as run:
+        assert not run.is_identical
+        with pytest.warns(ss.StreamsegWarning, match="points were left undecided.*give a search_radius") as caught:
+            ids = np.concatenate([span.segment_ids for span in run])
+    assert len(caught) == 1 and not run.is_proven
+    undecided = run.certificate.undecided_points
+    assert 0 < undecided <= len(points)
+    assert str(caught[0].message).startswith(f"{undecided} points")
+    assert np.count_nonzero(ids == -1) <= undecided
 
 
 def test_normals_of_the_cloud_are_used() -> None:

@@ -84,7 +84,7 @@ impl PyPipeline {
         let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
         let exactness = segmentor.exactness();
         let brings_back = revisit && counts.is_none() && exactness.gains_from_revisit(by, window.0, &lattice);
-        let (spans, assessment) = match counts {
+        let (spans, mut assessment) = match counts {
             Some(PySlabCounts(counts)) => (
                 finalized_spans_of(chunks, by, &lattice, counts)?,
                 exactness.assess(counts.by(), window.0, &lattice).finalized(),
@@ -99,6 +99,9 @@ impl PyPipeline {
         let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+        if pipeline.looks_again() {
+            assessment = assessment.with_second_looks();
+        }
         if brings_back {
             pipeline = pipeline.with_revisit(Revisit::new(exactness, lattice)?);
         }

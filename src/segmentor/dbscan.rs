@@ -81,11 +81,13 @@ impl Segmentor for Dbscan {
             labels[point as usize] = i64::from(representative);
         }
         // Where nothing is core, nothing has a border.
-        let border = if core.is_empty() { Vec::new() } else { self.border(&grid, &labels, window) };
+        let (border, mut undecided) =
+            if core.is_empty() { (vec![], vec![]) } else { self.border(&grid, &labels, window) };
         for (point, nearest) in border {
             labels[point as usize] = labels[nearest as usize];
         }
-        Ok(Labels::from_any(&labels).into())
+        undecided.sort_unstable();
+        Ok(Segmented { undecided: Some(undecided), ..Labels::from_any(&labels).into() })
     }
 }
 
@@ -99,19 +101,21 @@ impl Dbscan {
         sets.into_representatives()
     }
 
-    /// The border points that are known to be such, each with its core point.
-    fn border(&self, grid: &Grid<'_>, core_labels: &[i64], window: &Window) -> Vec<(u32, u32)> {
+    /// The border points that are known to be such, each with its core point; and the points that may be some.
+    fn border(&self, grid: &Grid<'_>, core_labels: &[i64], window: &Window) -> (Vec<(u32, u32)>, Vec<u32>) {
         let is_core = |point: u32| core_labels[point as usize] != NONE;
         let mut found = Vec::new();
-        let mut border = Vec::new();
+        let (mut border, mut undecided) = (Vec::new(), Vec::new());
         for &point in grid.order().iter().filter(|&&point| !is_core(point)) {
-            if window.holds(&window.points()[point as usize], 2.0 * self.eps) {
-                grid.neighbors(point, &mut found);
-                // In ascending order of distance, then of point id.
-                let nearest = found.iter().map(|neighbor| neighbor.point).find(|&neighbor| is_core(neighbor));
-                border.extend(nearest.map(|nearest| (point, nearest)));
+            if !window.holds(&window.points()[point as usize], 2.0 * self.eps) {
+                undecided.push(point);
+                continue;
             }
+            grid.neighbors(point, &mut found);
+            // In ascending order of distance, then of point id.
+            let nearest = found.iter().map(|neighbor| neighbor.point).find(|&neighbor| is_core(neighbor));
+            border.extend(nearest.map(|nearest| (point, nearest)));
         }
-        border
+        (border, undecided)
     }
 }

@@ -203,7 +203,7 @@ impl Exactness {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
             }
             ('B', _) => {
-                "equal to the static result wherever a point's nearest neighbors lie inside a window; give a search_radius to be sure"
+                "equal to the static result if no point is left undecided because its nearest neighbors lie beyond what was loaded, which is counted; give a search_radius to be sure"
             }
             (_, Exactness::Measured { .. }) => {
                 "no promise of equality with the static result: compare with segment_static"
@@ -213,6 +213,8 @@ impl Exactness {
             }
         };
         let warning = match (&shares, size.overlap()) {
+            // Segments are joined by what windows say of their halos.
+            _ if class == 'B' && !has_limit => None,
             (_, 0) => Some(
                 "windows share no span, so segments are cut where a window ends; use an overlap of at least 1".into(),
             ),
@@ -229,6 +231,13 @@ impl Exactness {
 }
 
 impl Assessment {
+    /// The same of a run that looks again at every point that a window could not decide.
+    #[must_use]
+    pub fn with_second_looks(self) -> Self {
+        let sentence = "equal to the static result: a point that a window cannot decide is looked at again with its nearest neighbors, wherever they are";
+        Self { is_identical: true, sentence: sentence.into(), ..self }
+    }
+
     /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
     /// order of its stream.
     #[must_use]
@@ -311,7 +320,9 @@ mod tests {
         let halo = assess(Exactness::WithHalo { reach: 0.3, halo: 5.0 }, 9.0, 1);
         assert_eq!((halo.class, halo.is_identical), ('B', true));
         let unlimited = assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 1);
-        assert_eq!((unlimited.class, unlimited.is_identical, unlimited.warning), ('B', false, None));
+        assert_eq!((unlimited.class, unlimited.is_identical, &unlimited.warning), ('B', false, &None));
+        assert!(unlimited.with_second_looks().is_identical);
+        assert_eq!(assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 0).warning, None);
         assert_eq!(assess(Exactness::Measured { reach: 0.0, halo: 0.0 }, 0.1, 1).class, 'C');
         let by_count = Exactness::ByLocality { reach: 0.3 }.assess(
             SpanBy::Count { points: 9 },

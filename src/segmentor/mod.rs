@@ -35,7 +35,11 @@ pub struct Segmented {
     pub seeded: Option<Vec<bool>>,
     /// The plane of each label, if segments of two windows are one only where their planes agree.
     pub planes: Option<Vec<Plane>>,
-    /// What this window decided, and what it could not because it does not hold all that it depends on.
+    /// The points that the window could not decide because it does not hold all that they depend on, ascending; none if no
+    /// decision is about a point.
+    pub undecided: Option<Vec<u32>>,
+    /// What this window decided, and what it could not because it does not hold all that it depends on. Points are counted
+    /// by whoever knows which are the window's own.
     pub tally: Tally,
     /// What later windows may decide of it, where they can.
     pub frontier: Option<Frontier>,
@@ -43,7 +47,7 @@ pub struct Segmented {
 
 impl From<Labels> for Segmented {
     fn from(labels: Labels) -> Self {
-        Self { labels, seeded: None, planes: None, tally: Tally::default(), frontier: None }
+        Self { labels, seeded: None, planes: None, undecided: None, tally: Tally::default(), frontier: None }
     }
 }
 
@@ -67,13 +71,28 @@ impl Segmented {
         (kept, of_others)
     }
 
+    /// What is said of the points at `over`, spread over all of `points` points.
+    #[must_use]
+    pub fn spread(self, over: &[u32], points: usize) -> Self {
+        let undecided = self.undecided.map(|undecided| undecided.iter().map(|&point| over[point as usize]).collect());
+        Self { labels: self.labels.spread(over, points), undecided, ..self }
+    }
+
     /// What is said of the points at `positions`, and for each of its labels which one it was.
-    fn take_each(self, positions: impl Iterator<Item = Option<u32>>) -> (Self, Vec<u32>) {
+    fn take_each(self, positions: impl Iterator<Item = Option<u32>> + Clone) -> (Self, Vec<u32>) {
+        let is_among = |undecided: &[u32], at: Option<u32>| at.is_some_and(|at| undecided.binary_search(&at).is_ok());
+        let undecided = self.undecided.map(|undecided| {
+            let numbered = (0..).zip(positions.clone());
+            // Mostly there are none, and nothing has to be looked up.
+            let numbered = numbered.take(if undecided.is_empty() { 0 } else { usize::MAX });
+            numbered.filter(|&(_, at)| is_among(&undecided, at)).map(|(point, _)| point).collect()
+        });
         let (labels, old) = self.labels.take(positions);
         let kept = Self {
             labels,
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
+            undecided,
             tally: self.tally,
             // Labels have other numbers now, and places may lack the points that made them what they were.
             frontier: None,

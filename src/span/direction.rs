@@ -84,6 +84,14 @@ impl Extent {
         (way * lattice.horizontal_unit()).max(0.0)
     }
 
+    /// How far `point` is at least from any point inside, in units of the coordinates and whatever the rounding.
+    pub(crate) fn gap(&self, point: &[f64; 3], lattice: &Lattice) -> f64 {
+        let place = lattice.horizontal(point);
+        let along = self.direction[0] * place[0] + self.direction[1] * place[1];
+        let gap = (self.low - along).max(along - self.high) - rounding(point, lattice);
+        (gap * lattice.horizontal_unit()).max(0.0)
+    }
+
     /// The part whose points have everything within `margin` (in units of the coordinates) inside.
     pub(crate) fn shrunk(self, margin: f64, lattice: &Lattice) -> Self {
         let margin = margin / lattice.horizontal_unit();

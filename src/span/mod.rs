@@ -5,6 +5,7 @@
 //! a cloud that is not sorted along the direction is first laid into slabs, in bounded memory ([`slabs`]). If the points of
 //! each slab have been counted beforehand ([`counting`]), slabs come while the stream is still being read ([`finalized`]).
 
+mod archive;
 mod counting;
 mod cutter;
 mod direction;
@@ -14,9 +15,11 @@ mod spool;
 mod validity;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::error::{Result, at_least_one, positive};
 use crate::lattice::Lattice;
+pub use archive::Archive;
 pub use counting::{Counting, SlabCounts};
 pub use cutter::Cutter;
 pub(crate) use direction::SlabIndex;
@@ -158,6 +161,11 @@ pub enum Source {
 pub trait SpanSource: Iterator<Item = Result<Span>> + Send {
     /// Asks the source for nothing more. Points of a stream that have come already are still cut into spans.
     fn stop(&mut self);
+
+    /// Has all spans kept, so that they can be read again; to be asked before the first of them. None if they cannot.
+    fn archive(&mut self) -> Option<Arc<dyn Archive>> {
+        None
+    }
 
     /// How many points waited for their slab to become final.
     fn waits(&self) -> Waits {

@@ -3,9 +3,14 @@
 //! Nothing is known of the cloud before it has been read, so no slab is handed on before the last point has come: see
 //! [`Finalized`](super::Finalized) for what a count beforehand makes possible. Slabs without points are passed over, so
 //! a stray point far away costs nothing.
+//!
+//! When all points have come, any slab can be read at any time ([`Archive`](super::Archive)); without an archive it is dropped
+//! when it has been handed on.
 
-use super::spool::Spool;
-use super::{Chunk, SlabIndex, Span, SpanSource};
+use std::sync::{Arc, OnceLock};
+
+use super::spool::{Laid, Spool};
+use super::{Archive, Chunk, SlabIndex, Span, SpanSource};
 use crate::error::Result;
 use crate::lattice::Lattice;
 
@@ -14,11 +19,25 @@ pub struct Slabs<C> {
     /// The source until it is spooled.
     chunks: Option<C>,
     spool: Spool,
+    archived: Option<Archived>,
+}
+
+/// Slabs that are kept, and which of them is the next to be handed on.
+struct Archived {
+    laid: Arc<OnceLock<Laid>>,
+    index: u64,
+}
+
+impl Archived {
+    fn hand_on(&mut self) -> Option<Result<Span>> {
+        self.index += 1;
+        self.laid.extents().get(self.index as usize - 1).map(|_| self.laid.read(self.index - 1))
+    }
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
-        Self { chunks: Some(chunks), spool: Spool::new(slab_of, lattice) }
+        Self { chunks: Some(chunks), spool: Spool::new(slab_of, lattice), archived: None }
     }
 
     fn spool_all(&mut self, chunks: C) -> Result<()> {
@@ -26,7 +45,11 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
             self.spool.lay(&chunk?, |_, _| ())?;
             self.spool.relieve()?;
         }
-        self.spool.settle()
+        self.spool.settle()?;
+        if let Some(Archived { laid, .. }) = &self.archived {
+            laid.get_or_init(|| self.spool.lay_out());
+        }
+        Ok(())
     }
 }
 
@@ -40,7 +63,10 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
             self.spool.clear();
             return Some(Err(error));
         }
-        self.spool.hand_on()
+        match &mut self.archived {
+            Some(archived) => archived.hand_on(),
+            None => self.spool.hand_on(),
+        }
     }
 }
 
@@ -48,6 +74,15 @@ impl<C: Iterator<Item = Result<Chunk>> + Send> SpanSource for Slabs<C> {
     fn stop(&mut self) {
         self.chunks = None;
         self.spool.clear();
+        if let Some(archived) = &mut self.archived {
+            archived.index = archived.laid.extents().len() as u64;
+        }
+    }
+
+    fn archive(&mut self) -> Option<Arc<dyn Archive>> {
+        let laid: Arc<OnceLock<Laid>> = Arc::default();
+        self.archived = Some(Archived { laid: Arc::clone(&laid), index: 0 });
+        Some(Arc::new(laid))
     }
 }
 
@@ -63,6 +98,7 @@ mod tests {
             xs in prop::collection::vec(prop_oneof![4 => -50.0f64..50.0, 1 => Just(f64::NAN)], 1..200),
             chunk_size in 1usize..50,
             memory in prop_oneof![Just(1usize), Just(500), Just(usize::MAX)],
+            is_archived in any::<bool>(),
         ) {
             let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
                 points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
@@ -71,6 +107,8 @@ mod tests {
             let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
             let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
             slabs.spool.memory = memory;
+            let archive = if is_archived { slabs.archive() } else { None };
+            let mut handed_on = Vec::new();
 
             let mut seen = vec![false; xs.len()];
             let mut last_slab = i64::MIN;
@@ -98,6 +136,15 @@ mod tests {
                     prop_assert!(slab > last_slab);
                     last_slab = slab;
                 }
+                handed_on.push(span);
+            }
+            // In any order and more than once.
+            for span in handed_on.iter().chain(&handed_on).rev() {
+                let Some(archive) = &archive else { break };
+                let again = archive.read(span.index).unwrap();
+                prop_assert_eq!((&again.points, &again.point_ids), (&span.points, &span.point_ids));
+                prop_assert_eq!(archive.extents()[span.index as usize], span.extent.unwrap());
+                prop_assert_eq!(archive.extents().len(), handed_on.len());
             }
             prop_assert!(seen.into_iter().all(|s| s));
             prop_assert_eq!(high, f64::INFINITY);

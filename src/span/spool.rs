@@ -7,8 +7,9 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Chunk, PointIds, SlabIndex, Span};
+use super::{Archive, Chunk, Extent, PointIds, SlabIndex, Span};
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
 
@@ -118,6 +119,17 @@ impl Spool {
         })
     }
 
+    /// All slabs, to be read in any order.
+    pub(super) fn lay_out(&mut self) -> Laid {
+        let numbers: Vec<i64> = self.slabs.keys().copied().collect();
+        let extent = |(at, &number): (usize, &i64)| {
+            self.places.slab_of.extent((at > 0).then_some(number), numbers.get(at + 1).copied(), &self.lattice)
+        };
+        let extents = numbers.iter().enumerate().map(extent).collect();
+        let slabs = std::mem::take(&mut self.slabs).into_values().collect();
+        Laid { extents, slabs, file: Mutex::new(std::mem::take(&mut self.file)) }
+    }
+
     /// How long the file is.
     #[cfg(test)]
     pub(super) fn bytes_on_disk(&self) -> u64 {
@@ -128,6 +140,28 @@ impl Spool {
     pub(super) fn clear(&mut self) {
         self.slabs.clear();
         self.points = 0;
+    }
+}
+
+/// The slabs of a cloud that has come to its end.
+pub(super) struct Laid {
+    extents: Vec<Extent>,
+    slabs: Vec<Slab>,
+    file: Mutex<SpoolFile>,
+}
+
+impl Archive for Arc<OnceLock<Laid>> {
+    fn extents(&self) -> &[Extent] {
+        self.get().map_or(&[], |laid| &laid.extents)
+    }
+
+    fn read(&self, index: u64) -> Result<Span> {
+        let missing = || Error::spool("read", io::ErrorKind::NotFound.into());
+        let Laid { extents, slabs, file } = self.get().ok_or_else(missing)?;
+        let slab = slabs.get(index as usize).ok_or_else(missing)?;
+        let (extent, mut file) = (Some(extents[index as usize]), file.lock().unwrap_or_else(PoisonError::into_inner));
+        let (point_ids, Chunk { points, attributes }) = file.read(slab).map_err(|e| Error::spool("read", e))?;
+        Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
     }
 }
 
@@ -254,8 +288,21 @@ impl SpoolFile {
         self.gaps.insert(start, end - start);
     }
 
+    /// Reads a slab and leaves its place.
     fn take(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Chunk)> {
-        let Some(file) = &mut self.file else { return Ok((slab.point_ids, slab.held)) };
+        if self.file.is_none() {
+            return Ok((slab.point_ids, slab.held));
+        }
+        let read = self.read(&slab)?;
+        let bytes = bytes_per_point(self.attributes);
+        for Stretch { start, points } in slab.written {
+            self.leave(start, (points * bytes) as u64);
+        }
+        Ok(read)
+    }
+
+    fn read(&mut self, slab: &Slab) -> io::Result<(Vec<i64>, Chunk)> {
+        let Some(file) = &mut self.file else { return Ok((slab.point_ids.clone(), slab.held.clone())) };
         let written: usize = slab.written.iter().map(|stretch| stretch.points).sum();
         let mut point_ids = vec![0i64; written];
         let mut points = vec![[0.0f64; 3]; written];
@@ -271,12 +318,8 @@ impl SpoolFile {
             }
             at = range.end;
         }
-        let bytes = bytes_per_point(self.attributes);
-        for Stretch { start, points } in slab.written {
-            self.leave(start, (points * bytes) as u64);
-        }
         let mut chunk = Chunk { points, attributes };
-        point_ids.extend(slab.point_ids);
+        point_ids.extend_from_slice(&slab.point_ids);
         chunk.append(&slab.held, 0..slab.held.points.len());
         Ok((point_ids, chunk))
     }

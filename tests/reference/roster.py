@@ -61,7 +61,7 @@ ROSTER = {
     "growing, all in a ball": Promise(
         ss.RegionGrowing(None, search_radius=1.0, angle_deg=15.0, residual=0.2), "B", True, 1.0, True
     ),
-    "growing, no limit": Promise(ss.RegionGrowing(16, angle_deg=20.0), "B", False, None, True),
+    "growing, no limit": Promise(ss.RegionGrowing(16, angle_deg=20.0), "B", True, None, True),
     "growing, principal": Promise(
         ss.RegionGrowing(20, search_radius=2.0, curvature="principal", max_curvature=0.5), "B", True, 2.0, True
     ),

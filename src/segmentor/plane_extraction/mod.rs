@@ -19,7 +19,6 @@ mod tiles;
 use std::f64::consts::SQRT_2;
 
 use super::{Exactness, Plane, Segmented, Segmentor};
-use crate::certificate::Tally;
 use crate::error::{Error, Result, positive};
 use crate::expression::Calculator;
 use crate::label::{Labels, NONE};
@@ -170,14 +169,12 @@ impl Segmentor for PlaneExtraction {
         let mut growth = Growth::new(window, &grid, [x?, y?, z?], sigmas?, self.coplanarity);
         let tiles = Tiles::new(window, self.tile_size, self.margin());
         let mut mosaic = Mosaic::new(points.len());
-        let mut tally = Tally::default();
+        let mut undecided = Vec::new();
         for (tile, core) in tiles.iter() {
-            let own = core.iter().filter(|&&point| window.is_own(&points[point as usize])).count() as u64;
             if !tiles.is_loaded(tile, self.search.reach()) {
-                tally.waiting_points += own;
+                undecided.extend_from_slice(core);
                 continue;
             }
-            tally.decided_points += own;
             let surroundings = tiles.surroundings(tile);
             let mut seeds: Vec<u32> = surroundings.iter().copied().filter(|&i| turns[i as usize].is_some()).collect();
             seeds.sort_unstable_by_key(|&point| turns[point as usize]);
@@ -188,7 +185,8 @@ impl Segmentor for PlaneExtraction {
         let labels = mosaic.labels(&grid, |a, b| self.agree(a, b));
         // What is grown in space is the same in all windows: sharing points is enough. Elsewhere planes have to agree.
         let planes = window.extent().is_none().then(|| planes(window, &labels, &mosaic));
-        Ok(Segmented { planes, tally, ..labels.into() })
+        undecided.sort_unstable();
+        Ok(Segmented { planes, undecided: Some(undecided), ..labels.into() })
     }
 
     /// Planes agree if the angle between them is small and the points of the smaller one lie about the larger one with a

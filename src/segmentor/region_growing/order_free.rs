@@ -7,11 +7,15 @@
 //!    the one with the smaller point id. As with PCL it joins a region, but no region grows on from it.
 //!
 //! A window decides what is final: it joins a pair q ∈ N(p) if N(p) is final and the features of both are. N(q) need not be,
-//! since one direction suffices. A rough point is decided if N(p) and the features of all in it are final.
+//! since one direction suffices. A point is decided if N(p) and the features of all in it are final: all its pairs are known
+//! then, and where a rough point goes.
+//!
+//! Where a filter looks at features, a point without final ones may or may not take part. It is in the window all the same,
+//! and whoever has it among its neighbors is not decided: without it, other neighbors would come after the ones that there
+//! are, so that joining these is right either way.
 
 use super::surface::Surface;
 use super::{Neighbors, Segmented};
-use crate::certificate::Tally;
 use crate::label::Labels;
 use crate::union_find::UnionFind;
 use crate::window::Window;
@@ -50,34 +54,32 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
     let mut sets = UnionFind::new(points as usize);
     // A smooth point of the segment of each point.
     let mut members = vec![NOBODY; points as usize];
-    let mut tally = Tally::default();
+    let mut undecided = Vec::new();
     for point in neighbors.order() {
         let mut is_decided = kind(point) != Kind::Unknown;
         if let Kind::Smooth | Kind::Rough = kind(point) {
             let (found, support) = neighbors.of(point);
-            is_decided = window.holds(&window.points()[point as usize], support);
+            let are_found = window.holds(&window.points()[point as usize], support);
+            is_decided = are_found && found.iter().all(|&other| kind(other) != Kind::Unknown);
             let mut alike =
                 found.iter().copied().filter(|&other| kind(other) == Kind::Smooth && surface.is_alike(point, other));
             if kind(point) == Kind::Smooth {
                 members[point as usize] = point;
-                if is_decided {
+                if are_found {
                     alike
                         .filter(|&other| surface.is_on_plane(other, point) && surface.is_on_plane(point, other))
                         .for_each(|other| sets.union(point, other));
                 }
-            } else {
-                is_decided &= found.iter().all(|&other| kind(other) != Kind::Unknown);
-                if is_decided {
-                    members[point as usize] = alike.next().unwrap_or(NOBODY);
-                }
+            } else if is_decided {
+                members[point as usize] = alike.next().unwrap_or(NOBODY);
             }
         }
-        if window.is_own(&window.points()[point as usize]) {
-            tally.decided_points += u64::from(is_decided);
-            tally.waiting_points += u64::from(!is_decided);
+        if !is_decided {
+            undecided.push(point);
         }
     }
-    Segmented { tally, ..labels(&members, &sets.into_representatives()).into() }
+    undecided.sort_unstable();
+    Segmented { undecided: Some(undecided), ..labels(&members, &sets.into_representatives()).into() }
 }
 
 fn labels(members: &[u32], representatives: &[u32]) -> Labels {
