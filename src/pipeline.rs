@@ -43,6 +43,8 @@ pub struct Pipeline {
     certificate: Certificate,
     /// What windows leave open, where that can be decided later.
     front: Option<Front>,
+    /// When windows that are not segmented yet are given up.
+    deadline: Option<Instant>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -124,6 +126,7 @@ impl Pipeline {
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
             front,
+            deadline: None,
         }
     }
 
@@ -146,6 +149,13 @@ impl Pipeline {
         if let Some(spans) = &mut self.spans {
             spans.stop();
         }
+    }
+
+    /// Stops, and gives up the windows that are not segmented `patience` from now: those of their points that no window
+    /// before them had do not come out.
+    pub fn stop_within(&mut self, patience: Duration) {
+        self.stop();
+        self.deadline = Instant::now().checked_add(patience);
     }
 
     /// Whether nothing more will come out: no span and no failure.
@@ -176,6 +186,9 @@ impl Pipeline {
     /// One step of the figure; whether there is more to do.
     fn step(&mut self) -> Result<bool> {
         (self.look_up)(&self.progress)?;
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            self.give_up();
+        }
         if self.under_way.len() < self.crew.threads() && self.take_in_span() {
             return Ok(true);
         }
@@ -218,7 +231,8 @@ impl Pipeline {
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
-        let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
+        let labels = first.labels.wait_until(self.deadline, &mut || (self.look_up)(&self.progress))?;
+        let Some(labels) = labels else { return Ok(()) };
         let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
         let Segmented { labels, seeded, planes, mut tally, frontier } = match labels {
             Ok(Ok(segmented)) => segmented,
@@ -288,12 +302,17 @@ impl Pipeline {
         self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
     }
 
-    /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
+    /// Ends the run because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
         self.failure = match answer {
             Ok(error) => error,
             Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
         };
+        self.give_up();
+    }
+
+    /// Gives up all windows that have not been woven.
+    fn give_up(&mut self) {
         self.spans = None;
         self.under_way.clear();
         self.slider.clear();

@@ -15,7 +15,7 @@ from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .run import SpanBy, Stages, stream
 from .source import PathLike, counted, open_source
-from .stream import Certificate, LeftOut, Progress, Result, Stream
+from .stream import PATIENCE, Certificate, LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):
@@ -130,7 +130,7 @@ def segment_file(
             except (Exception, KeyboardInterrupt) as early:
                 failure = early
                 interrupt.disarm()
-                run.stop()
+                run.stop(None if isinstance(early, Exception) else PATIENCE)
                 with contextlib.suppress(Exception):
                     aliases += _label(run, labels)
         interrupt.disarm()

@@ -26,6 +26,9 @@ RESULTS = ("history", "carry", "final")
 
 _NO_ALIASES: Ids = np.empty((0, 2), np.int64)
 
+# Who presses Ctrl-C waits no longer than this for windows under way, in seconds.
+PATIENCE = 1.0
+
 
 class Progress(NamedTuple):
     """How far a run is."""
@@ -137,7 +140,8 @@ class Stream:
     """Spans as they go out of scope, in order. Made by `stream`.
 
     An iterator and a context manager: leaving the ``with`` block stops the source; if there is a history, what has come
-    so far is still segmented and written, and the history is closed.
+    so far is still segmented and written, and the history is closed. Left by a KeyboardInterrupt, it waits a second for
+    that, no more: windows that are not segmented by then are given up.
 
     Attributes
     ----------
@@ -200,7 +204,8 @@ class Stream:
     def __exit__(
         self, kind: type[BaseException] | None, exception: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self.close()
+        is_interrupted = kind is not None and not issubclass(kind, Exception)
+        self._close(patience=PATIENCE if is_interrupted else None)
 
     @property
     def progress(self) -> Progress:
@@ -260,15 +265,25 @@ class Stream:
             )
         return self._core.resolve(np.ascontiguousarray(asked, np.int64), limits)
 
-    def stop(self) -> None:
-        """Ask the source for no further span; what has come is still segmented and comes out."""
-        self._core.stop()
+    def stop(self, patience: float | None = None) -> None:
+        """Ask the source for no further span; what has come is still segmented and comes out.
+
+        Parameters
+        ----------
+        patience : float, optional
+            After so many seconds, windows that are not segmented yet are given up: those of their points that no window
+            before them had do not come out. Default: none is.
+        """
+        self._core.stop(patience)
         self._stopped = True
 
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same."""
+        self._close(patience=None)
+
+    def _close(self, patience: float | None) -> None:
         if not self._ended:
-            self.stop()
+            self.stop(patience)
             if self._history is not None:
                 with contextlib.suppress(StopIteration):
                     while True:

@@ -1,6 +1,7 @@
 //! The pipeline as a Python iterator of spans.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::time::Duration;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -126,9 +127,17 @@ impl PyPipeline {
         Ok(ended && self.given().is_none())
     }
 
-    /// Asks the source for no further span; those that have come are still segmented and come out.
-    fn stop(&self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.lock().map(|mut pipeline| pipeline.stop()))
+    /// Asks the source for no further span; those that have come are still segmented and come out, as far as that takes
+    /// no more than so many seconds.
+    #[pyo3(signature = (patience = None))]
+    fn stop(&self, py: Python<'_>, patience: Option<f64>) -> PyResult<()> {
+        let patience = patience.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        py.detach(|| {
+            self.lock().map(|mut pipeline| match patience {
+                Some(patience) => pipeline.stop_within(patience),
+                None => pipeline.stop(),
+            })
+        })
     }
 
     /// The fewest points of a segment that final results keep.
