@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::awaited::Waiter;
 use crate::error::{Error, Result, at_least_one};
 
 /// How often a wait for a job looks up, so that an interrupt is answered at once.
@@ -65,11 +66,13 @@ impl Crew {
             None => Job::Done(job()),
             Some(pool) => {
                 let (sender, receiver) = channel();
+                let waiter = Waiter::default();
+                let awaited = waiter.awaited();
                 pool.spawn(move || {
                     // Nobody listens when the run was given up in the meantime.
-                    let _ = sender.send(job());
+                    let _ = sender.send(awaited.during(job));
                 });
-                Job::Under(receiver)
+                Job::Under(receiver, waiter)
             }
         }
     }
@@ -80,12 +83,12 @@ fn message(panic: &(dyn std::any::Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown cause".into())
 }
 
-/// A job under way; its failure is the message of a panic.
+/// A job under way; its failure is the message of a panic. Dropped before it is done, it is given up.
 pub enum Job<R> {
     /// It was done at once.
     Done(std::result::Result<R, String>),
     /// Another thread does it.
-    Under(Receiver<std::result::Result<R, String>>),
+    Under(Receiver<std::result::Result<R, String>>, Waiter),
 }
 
 impl<R> Job<R> {
@@ -106,9 +109,9 @@ impl<R> Job<R> {
         deadline: Option<Instant>,
         look_up: &mut dyn FnMut() -> Result<()>,
     ) -> Result<Option<std::result::Result<R, String>>> {
-        let receiver = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
+        let (receiver, waiter) = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
             Job::Done(result) => return Ok(Some(result)),
-            Job::Under(receiver) => receiver,
+            Job::Under(receiver, waiter) => (receiver, waiter),
         };
         loop {
             match receiver.recv_timeout(LOOK_UP) {
@@ -117,7 +120,7 @@ impl<R> Job<R> {
                 Err(RecvTimeoutError::Timeout) => {
                     let looked_up = look_up();
                     if looked_up.is_err() || deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-                        *self = Job::Under(receiver);
+                        *self = Job::Under(receiver, waiter);
                         return looked_up.map(|()| None);
                     }
                 }
@@ -148,6 +151,14 @@ mod tests {
         }
         for threads in [1, 2] {
             let crew = Crew::new(threads).unwrap();
+            let (tell, told) = channel();
+            drop(crew.start(move || {
+                while !crate::awaited::is_given_up() {
+                    std::thread::yield_now();
+                }
+                tell.send(()).unwrap();
+            }));
+            told.recv().unwrap();
             let (let_go, held) = channel::<()>();
             let mut job = crew.start(move || held.recv().is_ok());
             assert!(job.wait(&mut || Err(Error::parameter("test", 1, "nothing"))).is_err());

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
-from .errors import InvalidInput, warn
+from .errors import InvalidInput, InvalidParameter, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .run import SpanBy, Stages, stream
@@ -101,6 +101,8 @@ def segment_file(
     paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
     output = Path(output)
     check_output(output, paths, overwrite)
+    if history is not None:
+        _check_apart(Path(history), output)
     cloud = open_cloud(paths)
     check_kind(cloud, output)
     if on_open is not None:
@@ -152,6 +154,12 @@ def segment_file(
         run.is_proven,
         cloud.damage,
     )
+
+
+def _check_apart(history: Path, output: Path) -> None:
+    """Refuse an output that is the folder of the history, or lies in it."""
+    if history.resolve() in (output.resolve(), *output.resolve().parents):
+        raise InvalidParameter(f"history is {history}, allowed: a folder that the output {output} is not in")
 
 
 class _Interrupt:

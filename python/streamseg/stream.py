@@ -326,7 +326,12 @@ class Stream:
 
     def _end(self, *, complete: bool) -> None:
         if self._history is not None:
-            self._history.close(complete=complete, certificate=self.certificate._asdict())
+            try:
+                self._history.close(complete=complete, certificate=self.certificate._asdict())
+            except StreamsegError:
+                # Told once: what was segmented comes out all the same.
+                self._history, self._ended = None, True
+                raise
             self._history = None
         self._ended = True
 
