@@ -18,6 +18,7 @@ from ..files import resolve_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
+from . import interrupt
 from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
 from .segment import segment
 from .verify import verify
@@ -148,6 +149,7 @@ def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
     _give_memory_back()
     warnings.showwarning = _warn
+    interrupt.listen()
     try:
         app()
     except StreamsegError as error:

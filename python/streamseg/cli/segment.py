@@ -17,8 +17,8 @@ from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from ..run import SpanBy
-from . import methods
-from .arguments import INTERRUPTED, MOST, WRONG, Inputs, Output, Overwrite, say
+from . import interrupt, methods
+from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
 
 
 class Result(str, Enum):
@@ -166,10 +166,11 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         yield
     except (Exception, KeyboardInterrupt) as failure:
         kept = _written_at(output) != before
-        left = f"the points segmented before that are in {output}" if kept else f"{output} has not been written"
+        left = f"the points segmented before that are in {output}"
         if isinstance(failure, KeyboardInterrupt):
-            typer.echo(f"streamseg: interrupted; {left}", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            nothing = f"{output} has not been written, because no window had been segmented yet"
+            typer.echo(f"streamseg: interrupted; {left if kept else nothing}", err=True)
+            raise typer.Exit(interrupt.status()) from None
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
         raise
