@@ -12,21 +12,21 @@ thread_local! {
 
 /// Who waits for a job; the job is given up when this is dropped.
 #[derive(Debug, Default)]
-struct Waiter(Arc<()>);
+pub struct Waiter(Arc<()>);
 
 /// A job's view of its waiter.
-struct Awaited(Weak<()>);
+pub struct Awaited(Weak<()>);
 
 impl Waiter {
     /// What the job takes along.
-    fn awaited(&self) -> Awaited {
+    pub fn awaited(&self) -> Awaited {
         Awaited(Arc::downgrade(&self.0))
     }
 }
 
 impl Awaited {
     /// Does `job` on this thread, which knows meanwhile whether it is still waited for.
-    fn during<R>(self, job: impl FnOnce() -> R) -> R {
+    pub fn during<R>(self, job: impl FnOnce() -> R) -> R {
         WAITER.set(Some(self.0));
         let result = job();
         WAITER.set(None);
@@ -35,7 +35,7 @@ impl Awaited {
 }
 
 /// Whether this thread works on a job that nobody waits for any more.
-fn is_given_up() -> bool {
+pub fn is_given_up() -> bool {
     WAITER.with_borrow(|waiter| waiter.as_ref().is_some_and(|waiter| waiter.strong_count() == 0))
 }
 
