@@ -42,10 +42,12 @@ __all__ = [
     "_features",
     "_halo_of",
     "_measure",
+    "_stub",
     "default_spans",
 ]
 
 __version__: str
+_stub: str
 
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
 def _features(
@@ -205,7 +207,7 @@ _LatticeOf = tuple[_Triple, _Triple]
 @final
 class StatisticalOutlierRemoval:
     def __new__(
-        cls, k: int = 8, multiplier: float = 2.0, dialect: str = "pcl", statistics: str | _Statistics | None = None
+        cls, k: int = ..., multiplier: float = ..., dialect: str = "pcl", statistics: str | _Statistics | None = None
     ) -> StatisticalOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[int, float, str, str | _Statistics]: ...
     @property
@@ -223,7 +225,7 @@ class StatisticalOutlierRemoval:
 
 @final
 class RadiusOutlierRemoval:
-    def __new__(cls, radius: float, min_neighbors: int = 2) -> RadiusOutlierRemoval: ...
+    def __new__(cls, radius: float, min_neighbors: int = ...) -> RadiusOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[float, int]: ...
     @property
     def radius(self) -> float: ...
