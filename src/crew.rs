@@ -53,7 +53,9 @@ impl Crew {
     /// Does `work` for each item, on all threads; results in the order of the items.
     pub fn map<T: Send, R: Send>(&self, items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
         match &self.pool {
-            Some(pool) if items.len() > 1 && self.threads > 1 => pool.install(|| items.into_par_iter().map(work).collect()),
+            Some(pool) if items.len() > 1 && self.threads > 1 => {
+                pool.install(|| items.into_par_iter().map(work).collect())
+            }
             _ => items.into_iter().map(work).collect(),
         }
     }

@@ -77,10 +77,8 @@ fn streamed(places: &[[i64; 2]], cut: &Cut) -> BTreeSet<Pair> {
         let place = |i: usize| Place { at: cut.told(places[i]), span: span_of(i) };
         let mut found = Vec::new();
         neighborhood.for_each_edge(|a, b, edge| found.push((a.start, b.start, edge.is_final(&finality))));
-        neighborhood.for_each_cocircular_pair(
-            |_| false,
-            |a, b, edge| found.push((a.start, b.start, edge.is_final(&finality))),
-        );
+        neighborhood
+            .for_each_cocircular_pair(|_| false, |a, b, edge| found.push((a.start, b.start, edge.is_final(&finality))));
         let first_segment_id = of_segment.len() as i64;
         let mut open = Vec::new();
         for (a, b, is_final) in found {
@@ -125,10 +123,12 @@ fn rim() -> impl Strategy<Value = Vec<[i64; 2]>> {
     let on_rim = |r: i64| -> Vec<[i64; 2]> {
         (-r..=r).flat_map(|x| (-r..=r).map(move |y| [x, y])).filter(|[x, y]| x * x + y * y == r * r).collect()
     };
-    (prop::sample::select(vec![5i64, 25, 65]), (-20i64..20, -20i64..20), any::<u64>()).prop_map(move |(r, (x, y), keep)| {
-        let kept = on_rim(r).into_iter().enumerate().filter(|(i, _)| keep >> (i % 64) & 3 != 0);
-        kept.map(|(_, [dx, dy])| [x + dx, y + dy]).collect()
-    })
+    (prop::sample::select(vec![5i64, 25, 65]), (-20i64..20, -20i64..20), any::<u64>()).prop_map(
+        move |(r, (x, y), keep)| {
+            let kept = on_rim(r).into_iter().enumerate().filter(|(i, _)| keep >> (i % 64) & 3 != 0);
+            kept.map(|(_, [dx, dy])| [x + dx, y + dy]).collect()
+        },
+    )
 }
 
 /// A bow so flat that its circles are large, with a few places on either side.

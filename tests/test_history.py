@@ -294,10 +294,8 @@ def test_a_history_that_cannot_be_closed_costs_no_labels(tmp_path: Path, monkeyp
     monkeypatch.setattr("streamseg.history.HistoryWriter.close", fail)
     for result in ("final", "carry", "history"):
         output = tmp_path / f"{result}.npy"
-        with pytest.raises(ss.FileError, match="^the disk is full$"):
-            ss.segment_file(
-                tmp_path / "in.npy", output, ss.Proximity(9.0), history=tmp_path / result, result=result
-            )
+        with pytest.raises(ss.FileError, match=r"^the disk is full$"):
+            ss.segment_file(tmp_path / "in.npy", output, ss.Proximity(9.0), history=tmp_path / result, result=result)
         assert np.load(output).tolist() == [1] * 10
 
 

@@ -140,7 +140,9 @@ def test_text_attributes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("header", ["a,b,c", "id,x,y", "lon,lat,z", "x,y,intensity"])
 def test_names_that_do_not_say_where_the_coordinates_are_are_refused(tmp_path: Path, header: str) -> None:
     (tmp_path / "a.csv").write_text(f"{header}\n1,2,3\n4,5,6\n")
-    with pytest.raises(InvalidInput, match=f"names its columns {', '.join(header.split(','))}; which of them is .*name"):
+    with pytest.raises(
+        InvalidInput, match=f"names its columns {', '.join(header.split(','))}; which of them is .*name"
+    ):
         open_cloud(tmp_path / "a.csv")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Sequence
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
-from .errors import InvalidInput, InvalidParameter, warn
+from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .run import SpanBy, Stages, stream
@@ -98,9 +99,9 @@ def segment_file(
     >>> ss.segment_file(f"{folder}/in.xyz", f"{folder}/out.xyz", ss.Proximity(1.0)).points
     5
     """
-    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
-    output = Path(output)
+    paths, output = _as_paths(inputs), Path(output)
     check_output(output, paths, overwrite)
+    is_new_history = history is not None and not Path(history).exists()
     if history is not None:
         _check_apart(Path(history), output)
     cloud = open_cloud(paths)
@@ -138,6 +139,8 @@ def segment_file(
         interrupt.disarm()
         progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
+            if is_new_history and isinstance(failure, InvalidInput):
+                shutil.rmtree(str(history), ignore_errors=True)
             raise failure
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
     if failure is not None:
@@ -154,6 +157,13 @@ def segment_file(
         run.is_proven,
         cloud.damage,
     )
+
+
+def _as_paths(inputs: PathLike | Sequence[PathLike]) -> list[Path]:
+    paths = [inputs] if isinstance(inputs, (str, Path)) else inputs
+    if not isinstance(paths, (list, tuple)) or not all(isinstance(path, (str, Path)) for path in paths):
+        raise InvalidType(f"inputs is {type(inputs).__name__}, allowed: a path or several; for an array use segment")
+    return [Path(path) for path in paths]
 
 
 def _check_apart(history: Path, output: Path) -> None:
@@ -257,8 +267,7 @@ def resolve_file(
     >>> ss.resolve_file(past, f"{folder}/in.npy", f"{folder}/again.npy")
     5
     """
-    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
-    output = Path(output)
+    paths, output = _as_paths(inputs), Path(output)
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)

@@ -252,13 +252,16 @@ class Stream:
         Raises
         ------
         InvalidInput
-            If the ids are not whole numbers in one dimension.
+            If the ids are not whole numbers in one dimension, or not those of this stream.
         InvalidParameter
             If limits are to apply before the stream has ended.
         """
         asked = np.asarray(ids)
         if asked.ndim != 1 or (asked.size and asked.dtype.kind not in "iu"):
             raise InvalidInput(f"ids is {asked.dtype} of shape {asked.shape}, expected whole numbers of shape (n,)")
+        given = self._core.progress()[3]
+        if odd := asked[(asked < -1) | (asked == 0) | (asked > given)][:1].tolist():
+            raise InvalidInput(f"ids has {odd[0]}, which this stream has not given; it has given 1 to {given}")
         if limits and not self._core.is_ended():
             raise InvalidParameter(
                 "limits is True before the stream has ended, allowed: after that; sizes are not known before"

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-# Exit status: 0 done, 1 internal error, 2 wrong usage or input, 3 not identical (verify); after a signal see `interrupt`.
+# Exit status: 0 done, 1 internal error, 2 wrong usage or input, 3 not identical (verify); after a signal
+# see `interrupt`.
 INTERNAL = 1
 WRONG = 2
 DIFFERENT = 3

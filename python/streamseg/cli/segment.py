@@ -222,6 +222,8 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
         f"{outcome.windows:,} windows; {outcome.promise}"
     )
+    if not outcome.segments and (why := _why_none(outcome, segmentor)):
+        typer.echo(why)
     if outcome.certificate != (0,) * len(outcome.certificate):
         proven = "; equal to the static result, proven" if outcome.is_proven else ""
         typer.echo(f"certificate: {outcome.certificate}{proven}")
@@ -230,6 +232,19 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
     if history is not None:
         typer.echo(f"history in {history}")
+
+
+def _why_none(outcome: Outcome, segmentor: Any) -> str | None:
+    """Say why there is no segment, where it is known."""
+    if outcome.left_out.segments:
+        return "no segment is left: --min-size and --max-size say which sizes are kept"
+    if getattr(segmentor, "k", None) == 1:
+        return "no segment: with --k 1 a point has no neighbor but itself"
+    if getattr(segmentor, "filter", None) is not None:
+        return f"no segment: does --filter {segmentor.filter!r} leave any point?"
+    if getattr(segmentor, "min_points", None) is not None:
+        return f"no segment: no point has {segmentor.min_points:,} neighbors within --eps; make that larger"
+    return None
 
 
 def _left_out(outcome: Outcome, segmentor: Any) -> str:

@@ -139,7 +139,6 @@ class Cloud:
                     stacklevel=4,
                 )
 
-
     def _warn_of_odd_company(self) -> None:
         """Warn of files that are given twice, and of those whose coordinate systems differ."""
         first = self.sources[0]

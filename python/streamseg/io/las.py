@@ -224,7 +224,7 @@ def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: st
 
 
 def _coordinate_system(header: Any) -> dict[str, object]:
-    """What the file says of its coordinate system, by the kind of record that says it; citations are left out."""
+    """Tell what the file says of its coordinate system, by the kind of record that says it; citations are left out."""
     keys = {
         key.id: key.value_offset
         for vlr in header.vlrs.get("GeoKeyDirectoryVlr")

@@ -55,8 +55,8 @@ class TextSource:
     """One text file. See `streamseg.io.cloud.Source`.
 
     Columns are separated by commas, semicolons, tabs or blanks. A first line of names says which columns are x (or
-    easting), y (or northing) and z (or height, elevation); without one they are the first three columns. ``#`` starts a comment. In a ``.pts`` file the first line is the
-    number of points.
+    easting), y (or northing) and z (or height, elevation); without one they are the first three columns. ``#`` starts
+    a comment. In a ``.pts`` file the first line is the number of points.
     """
 
     kind = "text"
