@@ -62,10 +62,10 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
         return _of_cloud(source)
     if isinstance(source, (str, Path)):
         return _of_cloud(open_cloud(source))
-    if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
-        return _of_cloud(open_cloud(source))
     if hasattr(source, "__array__") or isinstance(source, memoryview) or _is_nested_list(source):
         return _of_array(_as_array(source), attributes or {})
+    if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
+        return _of_cloud(open_cloud(source))
     if isinstance(source, Iterable) and not isinstance(source, (bytes, bytearray, IOBase)):
         if isinstance(attributes, Mapping):
             raise InvalidInput(
