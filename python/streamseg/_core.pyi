@@ -433,7 +433,7 @@ class Pipeline:
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
         counts: SlabCounts | None = None,
-        min_segment_size: int = 1,
+        min_segment_size: int = ...,
         max_segment_size: int | None = None,
         sort: str = "native",
         revisit: bool = False,
