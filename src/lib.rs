@@ -13,7 +13,9 @@
 //! | [`preprocessing`] | the points of a window → fewer points |
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
+//! | [`front`] | what windows leave open → pairs of segments that are one after all |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
+//! | [`revisit`] | windows → windows that see earlier points around them |
 //! | [`pipeline`] | all of it, as an iterator |
 //! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
 //!
@@ -58,6 +60,7 @@ pub mod neighborhood;
 pub mod pipeline;
 pub mod preprocessing;
 pub mod recipe;
+pub mod revisit;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;

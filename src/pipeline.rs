@@ -14,8 +14,9 @@ use crate::error::{Error, Result};
 use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
+use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
-use crate::span::{Span, Spans};
+use crate::span::{Span, Spans, Waits};
 use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
@@ -26,6 +27,8 @@ pub type LookUp = Box<dyn FnMut(&Progress) -> Result<()> + Send>;
 pub struct Pipeline {
     spans: Option<Spans>,
     slider: Slider,
+    /// Where points that have gone out of scope come back.
+    revisit: Option<Revisit>,
     segmentor: Arc<dyn Segmentor>,
     crew: Crew,
     under_way: VecDeque<SegmentedWindow>,
@@ -97,7 +100,9 @@ pub struct Progress {
 struct SegmentedWindow {
     index: u64,
     spans: Vec<Arc<Span>>,
-    labels: Job<Result<Segmented>>,
+    /// Earlier points that were brought back, and whose labels come with those of the spans.
+    context: Option<Context>,
+    labels: Job<Result<(Segmented, Vec<i32>)>>,
 }
 
 impl Pipeline {
@@ -112,6 +117,7 @@ impl Pipeline {
         Self {
             spans: Some(spans),
             slider: slider.with_attributes(segmentor.reads()),
+            revisit: None,
             segmentor,
             crew,
             under_way: VecDeque::new(),
@@ -144,6 +150,15 @@ impl Pipeline {
         self
     }
 
+    /// Brings points that have gone out of scope back to new windows within reach of them, for streams that may come back to
+    /// where they were.
+    #[must_use]
+    pub fn with_revisit(mut self, revisit: Revisit) -> Self {
+        self.revisit = Some(revisit);
+        self.weaver = Weaver::with_late_joins(OutOfScope::all());
+        self
+    }
+
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
         if let Some(spans) = &mut self.spans {
@@ -170,7 +185,10 @@ impl Pipeline {
 
     /// What the run could prove so far; after the end, whether streamed and static are sure to be the same.
     pub fn certificate(&self) -> Certificate {
-        self.certificate
+        // Nothing was early if all that came was in one window.
+        let is_whole = self.finished && self.progress.windows <= 1;
+        let early_decisions = if is_whole { 0 } else { self.certificate.early_decisions };
+        Certificate { early_decisions, ..self.certificate }
     }
 
     /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
@@ -187,7 +205,8 @@ impl Pipeline {
     fn step(&mut self) -> Result<bool> {
         (self.look_up)(&self.progress)?;
         if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-            self.give_up();
+            let failure = self.failure.take();
+            self.give_up(failure);
         }
         if self.under_way.len() < self.crew.threads() && self.take_in_span() {
             return Ok(true);
@@ -198,6 +217,7 @@ impl Pipeline {
         }
         self.finish_front()?;
         let left = self.weaver.finish();
+        self.revisit = None;
         self.hand_out(left);
         self.finished = true;
         Ok(false)
@@ -205,11 +225,23 @@ impl Pipeline {
 
     /// Takes the next span in and has a window segmented when it is complete; whether there was a span.
     fn take_in_span(&mut self) -> bool {
-        if let Some(window) = self.slider.next_window() {
-            self.segment_window(window);
-            return true;
+        match self.next_window() {
+            Ok(Some((window, context))) => {
+                self.segment_window(window, context);
+                return true;
+            }
+            Ok(None) => (),
+            Err(error) => {
+                self.give_up(Some(error));
+                return true;
+            }
         }
-        match self.spans.as_mut().map(Iterator::next) {
+        let next = self.spans.as_mut().map(Iterator::next);
+        if let Some(spans) = &self.spans {
+            let Waits { points, most } = spans.waits();
+            (self.certificate.waited_points, self.certificate.most_waiting) = (points, most);
+        }
+        match next {
             Some(Some(Ok(span))) => self.slider.push(span),
             Some(ended) => {
                 // After a failure, all that had come is still segmented; the failure is told at the very end.
@@ -222,19 +254,27 @@ impl Pipeline {
         true
     }
 
-    fn segment_window(&mut self, window: Window) {
+    fn next_window(&mut self) -> Result<Option<(Window, Option<Context>)>> {
+        match &mut self.revisit {
+            Some(revisit) => revisit.next_window(&mut self.slider),
+            None => Ok(self.slider.next_window().map(|window| (window, None))),
+        }
+    }
+
+    fn segment_window(&mut self, window: Window, context: Option<Context>) {
         let segmentor = Arc::clone(&self.segmentor);
         let (index, spans) = (window.index(), window.own_spans().to_vec());
-        let labels = self.crew.start(move || label_own_points(&*segmentor, &window));
-        self.under_way.push_back(SegmentedWindow { index, spans, labels });
+        let before = context.as_ref().map_or(0, Context::len);
+        let labels = self.crew.start(move || label_own_points(&*segmentor, &window, before));
+        self.under_way.push_back(SegmentedWindow { index, spans, context, labels });
     }
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait_until(self.deadline, &mut || (self.look_up)(&self.progress))?;
         let Some(labels) = labels else { return Ok(()) };
-        let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, mut tally, frontier } = match labels {
+        let Some(SegmentedWindow { index, spans, context, .. }) = self.under_way.pop_front() else { return Ok(()) };
+        let (Segmented { labels, seeded, planes, mut tally, frontier }, labels_of_context) = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -242,6 +282,12 @@ impl Pipeline {
             }
         };
         let begun = Instant::now();
+        let raw_id = |span, position| self.weaver.raw_id(span, position);
+        let returned = context.as_ref().map(|context| context.returned(&labels_of_context, raw_id)).unwrap_or_default();
+        tally.returned_points += labels_of_context.len() as u64;
+        if self.may_come_back_to(&spans) {
+            tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
+        }
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
         let first_segment_id = self.weaver.next_id();
@@ -254,7 +300,7 @@ impl Pipeline {
                 labels: &labels,
                 seeded: seeded.as_deref(),
                 agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
-                returned: &[],
+                returned: &returned,
             };
             self.weaver.weave(&window, &self.crew)?
         };
@@ -282,6 +328,14 @@ impl Pipeline {
         Ok(())
     }
 
+    /// Whether more of the cloud may come to where the spans are and undo what is decided now. Spans of space hold all that
+    /// ever comes to their place; and where more points can only join more, and are brought together whenever they come,
+    /// nothing is undone.
+    fn may_come_back_to(&self, spans: &[Arc<Span>]) -> bool {
+        let is_undone_by_none = self.revisit.is_some() && self.segmentor.exactness().is_monotone();
+        !is_undone_by_none && spans.iter().any(|span| span.extent.is_none())
+    }
+
     /// Joins what the window just woven decides of what it and those before it left open.
     fn advance_front(&mut self, window: u64, frontier: &Frontier, first: SegmentId, tally: &mut Tally) -> Result<()> {
         let Some(front) = &mut self.front else { return Ok(()) };
@@ -304,15 +358,16 @@ impl Pipeline {
 
     /// Ends the run because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
-        self.failure = match answer {
+        self.give_up(match answer {
             Ok(error) => error,
             Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
-        };
-        self.give_up();
+        });
     }
 
     /// Gives up all windows that have not been woven.
-    fn give_up(&mut self) {
+    fn give_up(&mut self, failure: Option<Error>) {
+        self.failure = failure;
+        self.revisit = None;
         self.spans = None;
         self.under_way.clear();
         self.slider.clear();
@@ -320,6 +375,9 @@ impl Pipeline {
 
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
+            if let Some(Err(error)) = self.revisit.as_mut().map(|revisit| revisit.evict(&segmented)) {
+                self.give_up(Some(error));
+            }
             if let Some(span) = self.live.pop_front() {
                 self.progress.points += span.len() as u64;
                 let windows = std::mem::take(&mut self.untold);
@@ -360,8 +418,8 @@ impl LivePlanes {
     }
 }
 
-/// The labels of all of a window's own points.
-fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
+/// The labels of all of a window's own points, and those of its first points, so many of which were brought back.
+fn label_own_points(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> Result<(Segmented, Vec<i32>)> {
     let mut segmented = segmentor.segment(window)?;
     let (given, points) = (segmented.labels.of_points().len(), window.points().len());
     if given != points {
@@ -371,7 +429,8 @@ fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmen
     if let Some(valid) = window.valid() {
         segmented.labels = segmented.labels.spread(valid, window.len());
     }
-    Ok(if window.own().len() < window.len() { segmented.keep(window.own()) } else { segmented })
+    let has_others = window.own().len() < window.len();
+    Ok(if has_others { segmented.keep(window.own(), 0..brought_back) } else { (segmented, Vec::new()) })
 }
 
 impl Iterator for Pipeline {

@@ -59,7 +59,8 @@ fn quantised() -> impl Strategy<Value = Vec<Place>> {
 
 /// A part of a grid of squares, upright or turned; one edge of the squares is (a, b).
 fn grid() -> impl Strategy<Value = Vec<Place>> {
-    let step = prop::sample::select(vec![[1i64, 0], [1, 1], [2, 1], [3, 4], [5, 12], [300, 400], [997, 1]]);
+    let step =
+        prop::sample::select(vec![[1i64, 0], [1, 1], [2, 1], [3, 4], [5, 12], [300, 400], [997, 1], [123_457, 98_765]]);
     let knots = prop::collection::btree_set((0i64..4, 0i64..4), 3..17);
     with_heights(
         (step, knots)
@@ -71,12 +72,11 @@ fn grid() -> impl Strategy<Value = Vec<Place>> {
 fn circle() -> impl Strategy<Value = Vec<Place>> {
     with_heights(rim().prop_flat_map(|rim| {
         let most = rim.len().min(14);
-        (prop::sample::subsequence(rim, 3..=most), any::<bool>(), prop::sample::select(vec![1i64, 1, 1, 60])).prop_map(
-            |(rim, has_center, size)| {
+        (prop::sample::subsequence(rim, 3..=most), any::<bool>(), prop::sample::select(vec![1i64, 1, 60, 1_000_000]))
+            .prop_map(|(rim, has_center, size)| {
                 let center = has_center.then_some([0, 0]);
                 rim.into_iter().chain(center).map(|[x, y]| [x * size, y * size]).collect()
-            },
-        )
+            })
     }))
 }
 
@@ -94,8 +94,9 @@ fn rim() -> impl Strategy<Value = Vec<Spot>> {
 /// A circle whose points have been moved by one step or none: near enough to one circle to deceive rounded arithmetic.
 fn almost_circle() -> impl Strategy<Value = Vec<Place>> {
     let moves = prop::collection::vec((-1i64..2, -1i64..2), 12);
-    with_heights((rim(), moves).prop_map(|(rim, moves)| {
-        rim.into_iter().zip(moves).map(|([x, y], (dx, dy))| [100 * x + dx, 100 * y + dy]).collect()
+    let size = prop::sample::select(vec![100i64, 1_000_000]);
+    with_heights((rim(), moves, size).prop_map(|(rim, moves, size)| {
+        rim.into_iter().zip(moves).map(|([x, y], (dx, dy))| [size * x + dx, size * y + dy]).collect()
     }))
 }
 

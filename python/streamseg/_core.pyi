@@ -26,6 +26,7 @@ __all__ = [
     "Segmentor",
     "SettledSpan",
     "Settlement",
+    "SlabCounts",
     "Span",
     "SpanByCount",
     "SpanByScanLine",
@@ -199,6 +200,10 @@ class Recipe:
     def __new__(cls, segmentor: Any, stages: Sequence[Any], available: list[str], has_more: bool) -> Recipe: ...
     @property
     def reads(self) -> list[str]: ...
+    @property
+    def is_monotone(self) -> bool: ...
+    @property
+    def is_bounded(self) -> bool: ...
 
 _Statistics = tuple[int, float, float] | tuple[int, float, float, tuple[float, float]]
 _Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
@@ -427,9 +432,11 @@ class Pipeline:
         threads: int,
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
-        min_segment_size: int = 1,
+        counts: SlabCounts | None = None,
+        min_segment_size: int = ...,
         max_segment_size: int | None = None,
         sort: str = "native",
+        revisit: bool = False,
     ) -> Pipeline: ...
     @property
     def exactness(self) -> str: ...
@@ -455,8 +462,27 @@ class Pipeline:
     def resolve(self, ids: _Ids, limits: bool) -> _Ids: ...
     def settle(self, settlement: Settlement) -> tuple[int, int, int]: ...
     def progress(self) -> _Progress: ...
-    def certificate(self) -> tuple[int, int, int, int, int, int, int]: ...
+    def certificate(self) -> tuple[int, int, int, int, int, int, int, int]: ...
     def live_entries(self) -> tuple[int, int]: ...
+
+@final
+class SlabCounts:
+    def __new__(
+        cls,
+        chunks: _Chunks,
+        width: float,
+        *,
+        scale: _Triple | None,
+        offset: _Triple | None,
+        drop_invalid: bool,
+        on_progress: Callable[[_Progress], None] | None,
+    ) -> SlabCounts: ...
+    @property
+    def spans(self) -> SpanByWidth: ...
+    @property
+    def points(self) -> int: ...
+    @property
+    def most_waiting(self) -> int: ...
 
 @final
 class Settlement:

@@ -54,6 +54,7 @@ def segment_file(
     threads: int | None = None,
     drop_invalid: bool = False,
     preprocess: Stages = (),
+    revisit: bool = False,
     overwrite: bool = False,
     on_open: Callable[[int | None], None] | None = None,
     on_read: Callable[[int], None] | None = None,
@@ -68,7 +69,7 @@ def segment_file(
         LAS, LAZ, NumPy or text, all of one kind.
     output : path
         LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
-    segmentor, spans, window, history, threads, drop_invalid, preprocess
+    segmentor, spans, window, history, threads, drop_invalid, preprocess, revisit
         As for `stream`.
     result : {"final", "carry", "history"}, default "final"
         Which ids are written.
@@ -121,6 +122,7 @@ def segment_file(
             threads=threads,
             drop_invalid=drop_invalid,
             preprocess=preprocess,
+            revisit=revisit,
             overwrite=overwrite,
             on_progress=_first(interrupt.check, on_progress),
             with_points=False,

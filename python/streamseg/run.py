@@ -9,8 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ._core import (
+    Pipeline,
+    Recipe,
+    SlabCounts,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    default_spans,
+)
 from .errors import InvalidParameter, InvalidType, warn
+from .finalization import slabs_for
 from .history import HistoryWriter
 from .preprocessing import Stage, prepare
 from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
@@ -40,6 +51,7 @@ def stream(
     overwrite: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
     with_points: bool = True,
 ) -> Stream:
@@ -77,6 +89,13 @@ def stream(
     preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
+    revisit : bool, default False
+        For streams that come back to where they have been, so that the same object is found once. Where more points can
+        only join more, points that have gone out of scope are kept in a store on disk, and those within reach of a new
+        window are looked at again with it. Otherwise decisions about a stored cloud wait until their surroundings have
+        come: points are counted in a pass of their own, wait on disk where they are many, and come out slab by slab.
+        Has no effect where spans by width hold all that they need anyway. Needs a segmentor with a distance or search
+        radius.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -107,12 +126,24 @@ def stream(
     """
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    opened = laid_out(open_source(source, attributes), spans)
+    opened = laid_out(open_source(source, attributes), spans, read_twice=revisit)
     recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
-    if spans is None and opened.stored:
+    if spans is None and opened.stored and not opened.can_be_stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
+    slabs, counts = spans, None
+    if revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, SpanByWidth):
+        slabs, counts = slabs_for(opened, recipe, drop_invalid=drop_invalid, on_progress=_named(on_progress))
     core = _pipeline(
-        opened, segmentor, recipe, spans, Window() if window is None else window, threads, drop_invalid, on_progress
+        opened,
+        segmentor,
+        recipe,
+        spans,
+        Window() if window is None else window,
+        threads,
+        drop_invalid,
+        on_progress,
+        revisit=revisit and counts is None,
+        counts=counts,
     )
     if core.sort != "native" and result != "final":
         raise InvalidParameter(
@@ -128,12 +159,18 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
+            **({"revisit": True, "slabs": repr(slabs)} if counts is not None else {"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
             Path(history), source=opened.name, parameters=parameters, promise=core.promise, overwrite=overwrite
         )
     return Stream(opened, core, result, writer, with_points)
+
+
+def _named(on_progress: Callable[[Progress], None] | None) -> Callable[[tuple[Any, ...]], None] | None:
+    """Give the numbers of the core their names."""
+    return None if on_progress is None else lambda progress: on_progress(Progress(*progress))
 
 
 def _recipe(segmentor: Any, stages: Stages, source: Source, drop_invalid: bool) -> Recipe:
@@ -151,6 +188,8 @@ def _pipeline(
     threads: int | None,
     drop_invalid: bool,
     on_progress: Callable[[Progress], None] | None,
+    revisit: bool = False,
+    counts: SlabCounts | None = None,
 ) -> Pipeline:
     if threads is None:
         threads = _cores() if source.stored else 1
@@ -173,7 +212,9 @@ def _pipeline(
         offset=source.offset,
         threads=threads,
         drop_invalid=drop_invalid,
-        on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
+        on_progress=_named(on_progress),
+        revisit=revisit,
+        counts=counts,
         **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
     )
 
@@ -194,12 +235,13 @@ def segment(
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
 ) -> Ids:
     """Segment a cloud as a stream and return the final segment id of every point.
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess
+    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, revisit
         As for `stream`. A live source has to end.
 
     Returns
@@ -222,6 +264,7 @@ def segment(
         drop_invalid=drop_invalid,
         attributes=attributes,
         preprocess=preprocess,
+        revisit=revisit,
         result="final",
         with_points=False,
     ) as run:

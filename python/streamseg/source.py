@@ -78,9 +78,10 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     )
 
 
-def laid_out(source: Source, spans: Spans) -> Source:
+def laid_out(source: Source, spans: Spans, *, read_twice: bool = False) -> Source:
     """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
-    return source._replace(stored=True) if source.can_be_stored and isinstance(spans, SpanByWidth) else source
+    is_needed = read_twice or isinstance(spans, SpanByWidth)
+    return source._replace(stored=True) if source.can_be_stored and is_needed else source
 
 
 def needed_by(spans: Spans) -> tuple[str, ...]:

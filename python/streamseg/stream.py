@@ -61,9 +61,11 @@ class Certificate(NamedTuple):
     returned_points: int
     """Points of earlier windows brought back to be looked at again; a point counts each time."""
     waited_points: int
-    """Points kept on disk until their surroundings had come."""
+    """Points kept until their surroundings had come, beyond the span in which they came."""
     early_decisions: int
     """Points decided though more of the cloud could still come to where they are."""
+    most_waiting: int
+    """Points that waited at the same time, at the most."""
 
     @property
     def is_complete(self) -> bool:

@@ -166,9 +166,15 @@ def verify(
         static = segment_static(opened, segmentor, drop_invalid=drop_invalid, preprocess=preprocess)
     if len(static) != len(streamed):
         raise InvalidInput(f"source has {len(streamed):,} points when read once and {len(static):,} when read again")
+    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or (spans is None and not opened.stored)
+    reasons = _reasons(run, preprocess, is_in_stream_order=in_stream_order and not revisit)
+    return _judge(opened, run, static, streamed, reasons)
+
+
+def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: list[str]) -> Verification:
+    """Compare the two results; the reasons hold if they differ."""
     found = compare(static, streamed)
     is_identical = not len(found.differing)
-    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or (spans is None and not opened.stored)
     return Verification(
         is_identical=is_identical,
         adjusted_rand_index=found.adjusted_rand_index,
@@ -177,14 +183,12 @@ def verify(
         streamed_segments=_count(streamed),
         differing=found.differing,
         differences=found.differences,
-        positions=_positions(opened, [difference.point_id for difference in found.differences]),
-        reasons=()
-        if is_identical
-        else tuple(_reasons(run, preprocess, is_in_stream_order=in_stream_order and not revisit)),
+        positions=_positions(source, [difference.point_id for difference in found.differences]),
+        reasons=() if is_identical else tuple(reasons),
         certificate=run.certificate,
         is_proven=run.is_proven,
         promise=run.promise,
-        damage=opened.damage(),
+        damage=source.damage(),
     )
 
 

@@ -15,14 +15,13 @@
 //! but not in F ∪ N: all its triangles in C were final, in this window or below the last one's border. F ∪ N has triangles
 //! that C has not, over closed territory, but only pairs that wait are ever looked at, and for them both agree:
 //!
-//! * If a waiting pair pq is an edge of C it has an empty circle in F ∪ N, too. If it is not, the segment from p to q starts
-//!   into a triangle T of C. If no corner of T is closed, T is in F ∪ N and bars the way to q. If one is, T is final, and
-//!   - if the window closed it and holds p and q, then pq is a pair of the window's triangulation and cannot cross T,
-//!     unless q is on T's circle. Then the window saw that pq is final, and it does not wait;
-//!   - if the window closed it and does not hold q, look from q: a triangle of q is no final one of the window;
-//!   - if it was closed before and an end is new, look from that end: it has no triangle that was final before;
-//!   - if it was closed before and neither end is new, then pq was a pair of C then and cannot cross T, unless q is on T's
-//!     circle. Then pq was decided when the corner was closed, at the latest: the circle was seen to be final.
+//! * If a waiting pair pq is an edge of C it has an empty circle in F ∪ N, too. If it is not, let p be the end that is new,
+//!   or that the window does not hold, if there is one. The segment from p to q starts into a triangle T of C. If no corner of
+//!   T is closed, T is in F ∪ N and bars the way to q. If one is, T is final:
+//!   - In the window. Then the window holds p, and so q, too; pq is an edge of its triangulation, and cannot cross T,
+//!     unless q is on T's circle. But then the window saw that pq is final, and it would not wait.
+//!   - Below the last border. Then p is not new, and neither is q; pq has waited, was an edge of the last C, and cannot cross T,
+//!     unless q is on T's circle. But then it was decided when the first corner of that circle was closed, at the latest.
 //! * The circles that decide about an edge pq of C are those between its two triangles there. For the same reasons
 //!   no third corner of these is closed, so they are the two triangles at pq in F ∪ N.
 //! * A corner of a triangle of C that is not final is not closed. So what is open in C is open in F ∪ N, and in F after that.

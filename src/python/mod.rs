@@ -6,6 +6,7 @@
 mod arrays;
 mod errors;
 mod features;
+mod finalization;
 mod history;
 mod numbers;
 mod preprocessing;
@@ -34,6 +35,8 @@ mod _core {
 
     #[pymodule_export]
     use super::features::_features;
+    #[pymodule_export]
+    use super::finalization::PySlabCounts;
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]

@@ -8,6 +8,8 @@ use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
+use super::finalization::PySlabCounts;
+use super::numbers::Whole;
 use super::segmentors::PyRecipe;
 use super::selection::SizeOptions;
 use super::spans::{PyWindowSize, span_by};
@@ -16,8 +18,9 @@ use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
 use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
+use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
-use crate::span::{Invalid, Source, Span, checked, spans_of};
+use crate::span::{Invalid, Source, Span, checked, finalized_spans_of, spans_of};
 use crate::weaver::Selection;
 
 /// Streams chunks through spans, windows, segmentor and weaver.
@@ -50,7 +53,7 @@ impl PyPipeline {
     #[new]
     #[pyo3(signature = (
         chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
-        min_segment_size = 1, max_segment_size = None, sort = "native",
+        counts = None, revisit = false, min_segment_size = Whole::of(1), max_segment_size = None, sort = "native",
     ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
@@ -64,11 +67,14 @@ impl PyPipeline {
         threads: usize,
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
-        min_segment_size: i64,
-        max_segment_size: Option<i64>,
+        counts: Option<&PySlabCounts>,
+        revisit: bool,
+        min_segment_size: Whole,
+        max_segment_size: Option<Whole>,
         sort: &str,
     ) -> PyResult<Self> {
-        let sizes = SizeOptions::new(min_segment_size, max_segment_size, sort)?;
+        let max = max_segment_size.map(|max| max.named("max_segment_size")).transpose()?;
+        let sizes = SizeOptions::new(min_segment_size.named("min_segment_size")?, max, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
         let by = span_by(spans)?;
         let lattice = match (scale, offset) {
@@ -79,13 +85,26 @@ impl PyPipeline {
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
         let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
-        let spans = spans_of(chunks, by, &lattice, source)?;
+        let exactness = segmentor.exactness();
+        let brings_back = revisit && counts.is_none() && exactness.gains_from_revisit(by, window.0, &lattice);
+        let (spans, assessment) = match counts {
+            Some(PySlabCounts(counts)) => (
+                finalized_spans_of(chunks, by, &lattice, counts)?,
+                exactness.assess(counts.by(), window.0, &lattice).finalized(),
+            ),
+            None if brings_back => {
+                (spans_of(chunks, by, &lattice, source)?, exactness.assess_with_revisit(by, window.0, &lattice))
+            }
+            None => (spans_of(chunks, by, &lattice, source)?, exactness.assess(by, window.0, &lattice)),
+        };
         let crew = Crew::new(threads)?;
-        let assessment = segmentor.exactness().assess(by, window.0, &lattice);
         let name = segmentor.name().to_string();
-        let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
+        let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+        if brings_back {
+            pipeline = pipeline.with_revisit(Revisit::new(exactness, lattice)?);
+        }
         Ok(Self {
             pipeline: Mutex::new(pipeline),
             given: Mutex::new(None),
@@ -236,8 +255,9 @@ fn tuple(progress: &Progress) -> ProgressTuple {
     )
 }
 
-/// Edges decided and undecided, points decided and undecided, points returned, points that waited, early decisions.
-type CertificateTuple = (u64, u64, u64, u64, u64, u64, u64);
+/// Edges decided and undecided, points decided and undecided, points returned, points that waited, early decisions, the
+/// most points that waited at the same time.
+type CertificateTuple = (u64, u64, u64, u64, u64, u64, u64, u64);
 
 fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
     (
@@ -248,10 +268,11 @@ fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
         certificate.returned_points,
         certificate.waited_points,
         certificate.early_decisions,
+        certificate.most_waiting,
     )
 }
 
-fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+pub(super) fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
     Python::attach(|py| -> PyResult<()> {
         py.check_signals()?;
         if let Some(on_progress) = on_progress {

@@ -78,6 +78,11 @@ impl Exactness {
         }
     }
 
+    /// Whether there is a limit to how far away what decides about a point can be.
+    pub fn is_bounded(self) -> bool {
+        self.halo() != Halo::Span
+    }
+
     fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
@@ -85,6 +90,21 @@ impl Exactness {
             | Exactness::Proven { reach }
             | Exactness::Measured { reach, .. } => reach,
         }
+    }
+
+    /// Whether more points can only join more: what a window joins is one in the whole cloud too.
+    pub fn is_monotone(self) -> bool {
+        matches!(self, Exactness::ByLocality { .. })
+    }
+
+    /// How far around a window earlier points have to be brought back where a stream may come back to any place; none if
+    /// that cannot be told.
+    pub fn revisit_reach(self) -> Option<f64> {
+        let reach = match self {
+            Exactness::ByLocality { reach } | Exactness::Proven { reach } => reach,
+            Exactness::WithHalo { reach, halo } | Exactness::Measured { reach, halo } => reach + halo,
+        };
+        Some(reach).filter(|reach| *reach > 0.0 && reach.is_finite())
     }
 
     /// What has to be loaded around a window.
@@ -103,8 +123,17 @@ impl Exactness {
             _ if more == 0.0 => self,
             Exactness::ByLocality { reach } => Exactness::WithHalo { reach, halo: reach + more },
             Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach, halo: halo + more },
-            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach + more },
+            Exactness::Proven { .. } => self.without_proof().with_halo(more),
             Exactness::Measured { reach, halo } => Exactness::Measured { reach, halo: halo + more },
+        }
+    }
+
+    /// The promise if nothing is decided later than in its window.
+    #[must_use]
+    pub fn without_proof(self) -> Self {
+        match self {
+            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach },
+            promise => promise,
         }
     }
 
@@ -117,6 +146,34 @@ impl Exactness {
             Exactness::Proven { reach } => Exactness::Proven { reach: reach + more },
             Exactness::Measured { reach, halo } => Exactness::Measured { reach: reach + more, halo },
         }
+    }
+
+    /// Whether points that have gone out of scope can matter, so that it is worth bringing them back: not where spans of
+    /// space hold all that ever comes to their place, and share what they have to.
+    pub fn gains_from_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> bool {
+        let in_space = matches!(by, SpanBy::Width { .. });
+        !in_space || (self.is_monotone() && !self.assess(by, size, lattice).is_identical)
+    }
+
+    /// Assesses a run in which earlier points are brought back to whatever window comes near them.
+    pub fn assess_with_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
+        if !self.gains_from_revisit(by, size, lattice) {
+            return self.assess(by, size, lattice);
+        }
+        let (class, is_identical, sentence) = if self.is_monotone() {
+            (
+                'A',
+                true,
+                "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back",
+            )
+        } else {
+            (
+                'C',
+                false,
+                "near to the static result: more may still come to any place of such a stream, so every decision is an early one",
+            )
+        };
+        Assessment { class, is_identical, sentence: sentence.into(), warning: None }
     }
 
     /// Assesses a run with these spans and windows.
@@ -177,6 +234,16 @@ impl Exactness {
     }
 }
 
+impl Assessment {
+    /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
+    /// order of its stream.
+    #[must_use]
+    pub fn finalized(mut self) -> Self {
+        self.sentence += "; decisions wait until their region is final";
+        self
+    }
+}
+
 #[derive(Debug, PartialEq)]
 enum Shares {
     Always,
@@ -219,6 +286,27 @@ mod tests {
         let equal = near.assess(real, WindowSize::default(), &Lattice::REAL);
         assert!(!equal.is_identical && equal.warning.unwrap().contains("slightly wider spans"));
         assert!(assess(near, 9.0, 0).warning.unwrap().contains("share no span"));
+    }
+
+    #[test]
+    fn in_any_order_with_revisit_only_where_nothing_is_undone() {
+        let (by, lattice) = (SpanBy::Count { points: 9 }, Lattice::REAL);
+        let size = WindowSize::new(1, 0).unwrap();
+        let near = Exactness::ByLocality { reach: 0.3 };
+        assert!(
+            near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice)
+        );
+        let halo = Exactness::WithHalo { reach: 0.3, halo: 0.6 };
+        let early = halo.assess_with_revisit(by, size, &lattice);
+        assert_eq!((early.class, early.is_identical), ('C', false));
+        assert!(early.sentence.contains("early"));
+        // Narrow spans of space too; wide ones hold all there is.
+        let width = |width| SpanBy::Width { width, direction: Direction::X };
+        assert!(near.assess_with_revisit(width(0.1), size, &lattice).is_identical);
+        assert!(!near.gains_from_revisit(width(9.0), WindowSize::default(), &lattice));
+        assert!(!halo.gains_from_revisit(width(0.1), size, &lattice));
+        assert_eq!(halo.revisit_reach().map(|reach| (reach * 10.0).round()), Some(9.0));
+        assert_eq!(Exactness::Measured { reach: 0.0, halo: 0.0 }.revisit_reach(), None);
     }
 
     #[test]

@@ -85,3 +85,42 @@ impl Finality {
         (0..is_open.len()).filter(|&vertex| is_open[vertex]).for_each(&mut visit);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::neighborhood::{Delaunay, Loaded};
+
+    /// All that is on one circle is final together, though from some of its triangles rounding hides that.
+    #[test]
+    fn a_circle_is_final_as_a_whole() {
+        const RIM: [[f64; 2]; 9] = [
+            [65.0, 0.0],
+            [63.0, 16.0],
+            [60.0, 25.0],
+            [56.0, 33.0],
+            [52.0, 39.0],
+            [39.0, 52.0],
+            [33.0, 56.0],
+            [25.0, 60.0],
+            [16.0, 63.0],
+        ];
+        let places: Vec<[f64; 2]> = RIM.iter().flat_map(|&[x, y]| [[x, y], [-y, x], [-x, -y], [y, -x]]).collect();
+        let neighbors = Delaunay::new(&places, |_| 0.0);
+        let mut disagreements = 0;
+        for step in 0..4000 {
+            let high = 65.0 + f64::from(step) * 1e-13;
+            let loaded = Loaded { direction: [1.0, 0.0], low: f64::NEG_INFINITY, high, largest: 0.0 };
+            let finality = neighbors.finality(loaded);
+            let mut verdicts = Vec::new();
+            neighbors.for_each_cocircular_pair(|_| false, |_, _, edge| verdicts.push(edge.is_final(&finality)));
+            neighbors.for_each_edge(|_, _, edge| verdicts.push(edge.is_final(&finality)));
+            assert_eq!(verdicts.len(), 36 * 35 / 2 + 3 * 36 - 3 - 36);
+            let mut corners = places.windows(3).map(|places| [places[0], places[1], places[2]]);
+            let first = corners.next().is_some_and(|corners| loaded.holds_circle(&corners));
+            let is_final = verdicts[0];
+            assert!(verdicts.iter().all(|verdict| *verdict == is_final), "{high}");
+            disagreements += usize::from(corners.any(|corners| loaded.holds_circle(&corners) != first));
+        }
+        assert!(disagreements > 0, "rounding never hid anything");
+    }
+}

@@ -124,7 +124,9 @@ impl Delaunay {
     pub fn for_each_open_stack(&self, finality: &Finality, mut visit: impl FnMut(Range<usize>)) {
         match &self.edges {
             Edges::Line(line) if !finality.loaded.is_everything() => {
-                line.iter().for_each(|&(stack, _)| visit(self.stack(stack)));
+                for &(stack, _) in line {
+                    visit(self.stack(stack));
+                }
             }
             Edges::Line(_) => {}
             Edges::Triangles { triangulation, first } => {
