@@ -47,6 +47,7 @@
 //! ```
 
 pub mod attribute;
+mod awaited;
 pub mod certificate;
 pub mod crew;
 pub mod error;

@@ -69,7 +69,7 @@ impl Recipe {
             ingredients,
         };
         let mut needed = recipe.ingredients.segmentor.attributes();
-        let known = known_to_all(available);
+        let known = known_to_all(available, recipe.search.is_some());
         if !has_more {
             recipe.ingredients.segmentor.check(&known)?;
         }
@@ -108,7 +108,7 @@ impl Recipe {
         } else if has_more {
             self.reads.push(name.to_string());
         } else {
-            return Err(Error::unknown_attribute(name, &known_to_all(available)));
+            return Err(Error::unknown_attribute(name, &known_to_all(available, self.search.is_some())));
         }
         Ok(())
     }
@@ -229,10 +229,10 @@ fn has_normal(needed: &[String], available: &[String]) -> bool {
     NORMAL.iter().all(|part| !has(part, needed) || has(part, available))
 }
 
-/// The coordinates, the attributes of the cloud, and the features that can be computed.
-fn known_to_all(available: &[String]) -> Vec<String> {
+/// The coordinates, the attributes of the cloud, and the features, if there is a neighborhood to compute them from.
+fn known_to_all(available: &[String], has_neighborhood: bool) -> Vec<String> {
     let mut known: Vec<String> = COORDINATES.map(str::to_string).to_vec();
-    let features = Feature::ALL.iter().map(|feature| feature.name());
+    let features = Feature::ALL.iter().filter(|_| has_neighborhood).map(|feature| feature.name());
     for name in available.iter().map(String::as_str).chain(features) {
         if !known.iter().any(|other| is_same_name(other, name)) {
             known.push(name.to_string());

@@ -5,6 +5,7 @@ and `verify` compares them; `segment_file` and `resolve_file` go from file to fi
 like around each point.
 """
 
+from . import built as built  # first: it tells of a core that is not up to date
 from . import scenes
 from ._core import (
     ConditionalClustering,
@@ -29,6 +30,7 @@ from .errors import (
     FileError,
     InvalidInput,
     InvalidParameter,
+    InvalidType,
     MissingExtra,
     OutputExists,
     SegmentorError,
@@ -54,6 +56,7 @@ __all__ = [
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "InvalidType",
     "LeftOut",
     "MissingExtra",
     "Outcome",

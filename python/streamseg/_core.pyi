@@ -43,10 +43,12 @@ __all__ = [
     "_features",
     "_halo_of",
     "_measure",
+    "_stub",
     "default_spans",
 ]
 
 __version__: str
+_stub: str
 
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
 def _features(
@@ -210,7 +212,7 @@ _LatticeOf = tuple[_Triple, _Triple]
 @final
 class StatisticalOutlierRemoval:
     def __new__(
-        cls, k: int = 8, multiplier: float = 2.0, dialect: str = "pcl", statistics: str | _Statistics | None = None
+        cls, k: int = ..., multiplier: float = ..., dialect: str = "pcl", statistics: str | _Statistics | None = None
     ) -> StatisticalOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[int, float, str, str | _Statistics]: ...
     @property
@@ -228,7 +230,7 @@ class StatisticalOutlierRemoval:
 
 @final
 class RadiusOutlierRemoval:
-    def __new__(cls, radius: float, min_neighbors: int = 2) -> RadiusOutlierRemoval: ...
+    def __new__(cls, radius: float, min_neighbors: int = ...) -> RadiusOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[float, int]: ...
     @property
     def radius(self) -> float: ...
@@ -431,7 +433,7 @@ class Pipeline:
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
         counts: SlabCounts | None = None,
-        min_segment_size: int = 1,
+        min_segment_size: int = ...,
         max_segment_size: int | None = None,
         sort: str = "native",
         revisit: bool = False,
@@ -450,7 +452,7 @@ class Pipeline:
     def __next__(self, /) -> Span: ...
     def acknowledge(self) -> None: ...
     def is_ended(self) -> bool: ...
-    def stop(self) -> None: ...
+    def stop(self, patience: float | None = None) -> None: ...
     @property
     def min_segment_size(self) -> int: ...
     @property

@@ -20,7 +20,7 @@ from ._core import (
     Window,
     default_spans,
 )
-from .errors import InvalidParameter, warn
+from .errors import InvalidParameter, InvalidType, warn
 from .finalization import slabs_for
 from .history import HistoryWriter
 from .preprocessing import Stage, prepare
@@ -30,6 +30,9 @@ from .stream import RESULTS, Ids, Progress, Result, Stream
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
 
 Stages = Stage | Sequence[Stage]
+
+# More threads than this are a slip.
+_MOST_THREADS = 1024
 
 # What every segmentor may say of the segments that final results keep.
 SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
@@ -136,7 +139,7 @@ def stream(
         segmentor,
         recipe,
         slabs if counts is None else spans,
-        window or Window(),
+        Window() if window is None else window,
         threads,
         drop_invalid,
         on_progress,
@@ -191,8 +194,15 @@ def _pipeline(
 ) -> Pipeline:
     if threads is None:
         threads = _cores() if source.stored else 1
-    elif threads < 1:
-        raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
+    elif not isinstance(threads, (int, np.integer)) or isinstance(threads, bool):
+        raise InvalidType(f"threads is {threads!r}, allowed: a whole number of at least 1")
+    elif not 1 <= threads <= _MOST_THREADS:
+        given = threads if abs(threads) < 2**63 else "too large"
+        raise InvalidParameter(
+            f"threads is {given}, allowed: a whole number of at least 1, and at most {_MOST_THREADS}"
+        )
+    if not isinstance(window, Window):
+        raise InvalidType(f"window is {window!r}, allowed: a Window, such as Window(3, 1)")
     return Pipeline(
         source.chunks((*needed_by(spans), *recipe.reads)),
         recipe,

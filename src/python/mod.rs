@@ -8,6 +8,7 @@ mod errors;
 mod features;
 mod finalization;
 mod history;
+mod numbers;
 mod preprocessing;
 mod scenes;
 mod searches;
@@ -26,6 +27,11 @@ mod _core {
     #[pymodule_export]
     #[allow(non_upper_case_globals)] // the name that Python people look for
     const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    /// The stub that it was built with, by which the package tells whether it is up to date.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // as above
+    const _stub: &str = include_str!("../../python/streamseg/_core.pyi");
 
     #[pymodule_export]
     use super::features::_features;

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 use super::errors::InvalidParameter;
+use super::numbers::{Real, Whole};
 use super::segmentors::PyRecipe;
 use crate::error::Result;
 use crate::segmentor::Layout;
@@ -47,7 +48,8 @@ pub struct PySpanByWidth {
 impl PySpanByWidth {
     #[new]
     #[pyo3(signature = (width, direction = None))]
-    fn new(width: f64, direction: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn new(width: Real, direction: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let width = width.named("width")?;
         Ok(Self::of(width, direction.map_or(Ok(Direction::X), parse_direction)?)?)
     }
 
@@ -122,7 +124,8 @@ pub struct PySpanByCount {
 #[pymethods]
 impl PySpanByCount {
     #[new]
-    fn new(points: i64) -> PyResult<Self> {
+    fn new(points: Whole) -> PyResult<Self> {
+        let points = points.named("points")?;
         let by = valid(SpanBy::Count { points: count("points", points)? })?;
         Ok(Self { by, points })
     }
@@ -172,7 +175,8 @@ pub struct PySpanByTime {
 #[pymethods]
 impl PySpanByTime {
     #[new]
-    fn new(seconds: f64) -> PyResult<Self> {
+    fn new(seconds: Real) -> PyResult<Self> {
+        let seconds = seconds.named("seconds")?;
         Ok(Self { by: valid(SpanBy::Time { seconds })?, seconds })
     }
 
@@ -215,7 +219,8 @@ pub struct PySpanByScanLine {
 #[pymethods]
 impl PySpanByScanLine {
     #[new]
-    fn new(lines: i64) -> PyResult<Self> {
+    fn new(lines: Whole) -> PyResult<Self> {
+        let lines = lines.named("lines")?;
         let by = valid(SpanBy::ScanLine { lines: count("lines", lines)? })?;
         Ok(Self { by, lines })
     }
@@ -297,9 +302,10 @@ pub struct PyWindowSize(pub(super) WindowSize);
 impl PyWindowSize {
     #[new]
     #[pyo3(signature = (spans = None, overlap = None))]
-    fn new(spans: Option<i64>, overlap: Option<i64>) -> PyResult<Self> {
+    fn new(spans: Option<Whole>, overlap: Option<Whole>) -> PyResult<Self> {
         let default = WindowSize::default();
-        let spans = spans.map_or(Ok(default.spans()), |spans| count("spans", spans))?;
+        let spans = spans.map_or(Ok(default.spans()), |spans| spans.count("spans"))?;
+        let overlap = overlap.map(|overlap| overlap.named("overlap")).transpose()?;
         let overlap = match overlap {
             Some(overlap) => usize::try_from(overlap)
                 .map_err(|_| crate::error::Error::parameter("overlap", overlap, "a whole number of at least 0"))?,

@@ -196,6 +196,12 @@ impl Exactness {
             _ if is_identical => {
                 "equal to the static result: every pair in reach shares a window, and all that decides about a point is loaded with it"
             }
+            ('A' | 'B', _) if size.overlap() == 0 => {
+                "different from the static result wherever a segment crosses the border of a window: windows share no span"
+            }
+            (_, Exactness::Measured { .. }) if size.overlap() == 0 => {
+                "no promise of equality with the static result: windows share no span, so segments are cut where a window ends"
+            }
             ('A', _) => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
             }

@@ -18,6 +18,7 @@ from ..files import resolve_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
+from . import interrupt, wording
 from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
 from .segment import segment
 from .verify import verify
@@ -148,9 +149,15 @@ def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
     _give_memory_back()
     warnings.showwarning = _warn
+    interrupt.listen()
     try:
         app()
-    except StreamsegError as error:
-        typer.echo(f"streamseg: {error}", err=True)
+    except (Exception, SystemExit) as error:
+        if (told := wording.of_plugin(error)) is not None:
+            typer.echo(f"streamseg: {told}", err=True)
+            sys.exit(INTERNAL)
+        if not isinstance(error, StreamsegError):
+            raise
+        typer.echo(f"streamseg: {wording.as_typed(str(error))}", err=True)
         sys.exit(WRONG)
     sys.exit(INTERNAL)

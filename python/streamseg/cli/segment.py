@@ -17,8 +17,8 @@ from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from ..run import SpanBy
-from . import methods
-from .arguments import INTERRUPTED, MOST, WRONG, Inputs, Output, Overwrite, say
+from . import interrupt, methods
+from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
 
 
 class Result(str, Enum):
@@ -175,10 +175,11 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         yield
     except (Exception, KeyboardInterrupt) as failure:
         kept = _written_at(output) != before
-        left = f"the points segmented before that are in {output}" if kept else f"{output} has not been written"
+        left = f"the points segmented before that are in {output}"
         if isinstance(failure, KeyboardInterrupt):
-            typer.echo(f"streamseg: interrupted; {left}", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            nothing = f"{output} has not been written, because no window had been segmented yet"
+            typer.echo(f"streamseg: interrupted; {left if kept else nothing}", err=True)
+            raise typer.Exit(interrupt.status()) from None
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
         raise
@@ -230,6 +231,8 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
         f"{outcome.windows:,} windows; {outcome.promise}"
     )
+    if not outcome.segments and (why := _why_none(outcome, segmentor)):
+        typer.echo(why)
     if outcome.certificate != (0,) * len(outcome.certificate):
         proven = "; equal to the static result, proven" if outcome.is_proven else ""
         typer.echo(f"certificate: {outcome.certificate}{proven}")
@@ -238,6 +241,19 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
     if history is not None:
         typer.echo(f"history in {history}")
+
+
+def _why_none(outcome: Outcome, segmentor: Any) -> str | None:
+    """Say why there is no segment, where it is known."""
+    if outcome.left_out.segments:
+        return "no segment is left: --min-size and --max-size say which sizes are kept"
+    if getattr(segmentor, "k", None) == 1:
+        return "no segment: with --k 1 a point has no neighbor but itself"
+    if getattr(segmentor, "filter", None) is not None:
+        return f"no segment: does --filter {segmentor.filter!r} leave any point?"
+    if getattr(segmentor, "min_points", None) is not None:
+        return f"no segment: no point has {segmentor.min_points:,} neighbors within --eps; make that larger"
+    return None
 
 
 def _left_out(outcome: Outcome, segmentor: Any) -> str:
