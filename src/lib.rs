@@ -13,6 +13,7 @@
 //! | [`preprocessing`] | the points of a window → fewer points |
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
+//! | [`plan`] | how many points lie where → spans and windows that keep to a budget of memory |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
 //! | [`pipeline`] | all of it, as an iterator |
 //! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
@@ -54,6 +55,7 @@ pub mod label;
 pub mod lattice;
 pub mod neighborhood;
 pub mod pipeline;
+pub mod plan;
 pub mod preprocessing;
 pub mod recipe;
 pub mod scene;

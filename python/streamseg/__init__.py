@@ -8,6 +8,7 @@ from . import scenes
 from ._core import (
     ConditionalClustering,
     Dbscan,
+    Plan,
     PlaneExtraction,
     Proximity,
     RadiusOutlierRemoval,
@@ -38,6 +39,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .plan import plan
 from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
@@ -56,6 +58,7 @@ __all__ = [
     "MissingExtra",
     "Outcome",
     "OutputExists",
+    "Plan",
     "PlaneExtraction",
     "Progress",
     "Proximity",
@@ -79,6 +82,7 @@ __all__ = [
     "WindowPoints",
     "__version__",
     "features",
+    "plan",
     "plugin",
     "plugin_names",
     "prepare",

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ._core import Pipeline, Plan, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
 from .errors import InvalidParameter, warn
 from .history import HistoryWriter
-from .preprocessing import Stage, prepare
-from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
+from .plan import MaxMemory, Stages, planned, recipe_for
+from .source import Attributes, PathLike, Source, as_stored, laid_out, needed_by, open_source
 from .stream import RESULTS, Ids, Progress, Result, Stream
 
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
-
-Stages = Stage | Sequence[Stage]
+Spans = SpanBy | Plan | Literal["auto"]
 
 # What every segmentor may say of the segments that final results keep.
 SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
@@ -28,8 +27,9 @@ def stream(
     source: Any,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     history: PathLike | None = None,
     result: Result = "carry",
     threads: int | None = None,
@@ -51,11 +51,15 @@ def stream(
         Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none.
         If it has them, its attributes ``min_segment_size`` and ``max_segment_size`` (in points) and ``sort`` ("native",
         "ascending" or "descending", by size) say which segments final ids keep and how they are numbered.
-    spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
+    spans : SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine, Plan or "auto", optional
         How the cloud is cut. Default: a live source as given, one span per array; else spans as wide as 20 times the
-        segmentor's reach, or of 100 000 points if it has none.
+        segmentor's reach, or of 100 000 points if it has none. "auto" reads a stored cloud once more beforehand and
+        chooses spans and windows that keep to `max_memory` wherever the cloud is dense or thin (see `plan`).
     window : Window, default Window(3, 1)
-        How many spans are segmented together, and how many of them two windows share.
+        How many spans are segmented together, and how many of them two windows share. Not with a plan, which says it.
+    max_memory : int or str, default "512MB" with spans="auto"
+        The most memory that a run from file to file may take, in bytes or such as "256MB" or "1.5 GiB"; means
+        ``spans="auto"``.
     history : path, optional
         Folder for the history, which keeps the whole story (needs ``pip install streamseg[history]``).
     result : {"carry", "history", "final"}, default "carry"
@@ -87,7 +91,8 @@ def stream(
     Warns
     -----
     StreamsegWarning
-        If the spans break the condition under which streamed equals static, or a file is damaged.
+        If the spans break the condition under which streamed equals static, a file is damaged, or not even the smallest
+        windows keep to `max_memory`.
 
     Raises
     ------
@@ -104,10 +109,18 @@ def stream(
     """
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
+    is_planned = _is_planned(spans, window, max_memory)
     opened = laid_out(open_source(source, attributes), spans)
-    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
-    if spans is None and opened.stored:
+    opened = as_stored(opened) if is_planned else opened
+    recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
+    if is_planned:
+        spans = planned(opened, recipe, max_memory, drop_invalid=drop_invalid, with_history=history is not None)
+    elif spans is None and opened.stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
+    if isinstance(spans, Plan):
+        window, threads = spans.window, min(threads or _cores(), spans.at_a_time)
+        if spans.warning:
+            warn(spans.warning)
     core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
     if core.sort != "native" and result != "final":
         raise InvalidParameter(
@@ -131,17 +144,25 @@ def stream(
     return Stream(opened, core, result, writer, with_points)
 
 
-def _recipe(segmentor: Any, stages: Stages, source: Source, drop_invalid: bool) -> Recipe:
-    """Prepare all that is done to a window; measures the cloud where a stage needs it."""
-    ready = prepare(stages, source, drop_invalid=drop_invalid) if stages else []
-    return Recipe(segmentor, ready, list(source.attributes), source.has_more)
+def _is_planned(spans: Any, window: Window | None, max_memory: MaxMemory | None) -> bool:
+    """Whether spans and windows are to be chosen."""
+    if isinstance(spans, str) and spans != "auto":
+        raise InvalidParameter(
+            f"spans is {spans!r}, allowed: 'auto', SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine or a Plan"
+        )
+    is_auto = isinstance(spans, str) or (spans is None and max_memory is not None)
+    if max_memory is not None and not is_auto:
+        raise InvalidParameter(f"max_memory is {max_memory!r} with {spans!r}, allowed: with spans='auto' or no spans")
+    if window is not None and (is_auto or isinstance(spans, Plan)):
+        raise InvalidParameter(f"window is {window!r} with a plan, allowed: none; the plan says how large windows are")
+    return is_auto
 
 
 def _pipeline(
     source: Source,
     segmentor: Any,
     recipe: Recipe,
-    spans: SpanBy | None,
+    spans: Spans | None,
     window: Window,
     threads: int | None,
     drop_invalid: bool,
@@ -176,8 +197,9 @@ def segment(
     source: Any,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     threads: int | None = None,
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
@@ -187,7 +209,7 @@ def segment(
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess
+    source, segmentor, spans, window, max_memory, threads, drop_invalid, attributes, preprocess
         As for `stream`. A live source has to end.
 
     Returns
@@ -206,6 +228,7 @@ def segment(
         segmentor,
         spans=spans,
         window=window,
+        max_memory=max_memory,
         threads=threads,
         drop_invalid=drop_invalid,
         attributes=attributes,
@@ -244,7 +267,7 @@ def segment_static(
     """
     whole = SpanByCount(np.iinfo(np.int64).max)
     opened = open_source(source, attributes)
-    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
+    recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
     core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
     return _in_input_order(Stream(opened, core, "final", None, with_points=False))
 

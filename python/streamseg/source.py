@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import SpanByScanLine, SpanByTime, SpanByWidth
+from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
@@ -79,7 +79,12 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
 
 def laid_out(source: Source, spans: Spans) -> Source:
     """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
-    return source._replace(stored=True) if source.can_be_stored and isinstance(spans, SpanByWidth) else source
+    return as_stored(source) if isinstance(spans, (SpanByWidth, Plan)) else source
+
+
+def as_stored(source: Source) -> Source:
+    """Take a list of arrays as stored: it can be read to its end, and again."""
+    return source._replace(stored=True) if source.can_be_stored else source
 
 
 def needed_by(spans: Spans) -> tuple[str, ...]:

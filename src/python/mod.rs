@@ -7,6 +7,7 @@ mod arrays;
 mod errors;
 mod features;
 mod history;
+mod plan;
 mod preprocessing;
 mod scenes;
 mod searches;
@@ -30,6 +31,8 @@ mod _core {
     use super::features::_features;
     #[pymodule_export]
     use super::history::PyReplay;
+    #[pymodule_export]
+    use super::plan::{_plan, PyPlan};
     #[pymodule_export]
     use super::preprocessing::{_halo_of, _measure, PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid};
     #[pymodule_export]

@@ -2,7 +2,8 @@
 //!
 //! Points wait in memory, slab by slab, until there are [`SPOOL_MEMORY`] bytes of them; then every slab's points go to
 //! the end of one temporary file and the slab remembers where. Inside a slab the points keep the order of the stream.
-//! Slabs without points are passed over, so a stray point far away costs nothing.
+//! Slabs without points are passed over, so a stray point far away costs nothing. When the first slab is handed out all
+//! have been counted, so a span may be filled up with as many slabs as hold no more than so many points.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -27,12 +28,19 @@ pub struct Slabs<C> {
     spool: Spool,
     waiting: BTreeMap<i64, Slab>,
     index: u64,
+    /// Most points of several slabs in one span.
+    most: usize,
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
     pub(crate) fn new(chunks: C, slab_of: SlabIndex, lattice: Lattice) -> Self {
         let spool = Spool { file: None, attributes: 0, bytes: 0, memory: SPOOL_MEMORY };
-        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting: BTreeMap::new(), index: 0 }
+        Self { chunks: Some(chunks), slab_of, lattice, spool, waiting: BTreeMap::new(), index: 0, most: 0 }
+    }
+
+    /// Hands out consecutive slabs together while they hold no more than so many points.
+    pub(crate) fn filled_up_to(self, points: usize) -> Self {
+        Self { most: points, ..self }
     }
 
     fn spool_all(&mut self, chunks: C) -> Result<()> {
@@ -59,6 +67,17 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
         }
         Ok(())
     }
+
+    /// The first slab that waits, and the number of the one it starts from, filled up with those behind it.
+    fn next_slab(&mut self) -> Option<(i64, Slab)> {
+        let (at, mut slab) = self.waiting.pop_first()?;
+        while let Some(next) = self.waiting.first_entry()
+            && slab.len() + next.get().len() <= self.most
+        {
+            slab.append(next.remove());
+        }
+        Some((at, slab))
+    }
 }
 
 impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
@@ -71,14 +90,15 @@ impl<C: Iterator<Item = Result<Chunk>>> Iterator for Slabs<C> {
             self.waiting.clear();
             return Some(Err(error));
         }
-        let (at, slab) = self.waiting.pop_first()?;
+        let (at, slab) = self.next_slab()?;
         let index = self.index;
         self.index += 1;
         // Slabs passed over have no points, so the extent goes on to the next that has some.
         let (first, end) = ((index > 0).then_some(at), self.waiting.keys().next().copied());
         let extent = Some(self.slab_of.extent(first, end, &self.lattice));
         Some(match self.spool.read(slab) {
-            Ok((point_ids, Chunk { points, attributes })) => {
+            Ok(points) => {
+                let (point_ids, Chunk { points, attributes }) = in_stream_order(points);
                 Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
             }
             Err(error) => Err(Error::spool("read", error)),
@@ -99,6 +119,29 @@ struct Slab {
     written: Vec<Stretch>,
     point_ids: Vec<i64>,
     held: Chunk,
+}
+
+impl Slab {
+    fn len(&self) -> usize {
+        self.point_ids.len() + self.written.iter().map(|stretch| stretch.points).sum::<usize>()
+    }
+
+    fn append(&mut self, next: Slab) {
+        self.written.extend(next.written);
+        self.point_ids.extend(next.point_ids);
+        self.held.append(&next.held, 0..next.held.points.len());
+    }
+}
+
+/// Points of several slabs in the order of their ids.
+fn in_stream_order((point_ids, chunk): (Vec<i64>, Chunk)) -> (Vec<i64>, Chunk) {
+    if point_ids.is_sorted() {
+        return (point_ids, chunk);
+    }
+    let mut order: Vec<u32> = (0..point_ids.len() as u32).collect();
+    // Not unstable: this sort makes use of the order that the points of each slab are in.
+    order.sort_by_key(|&i| point_ids[i as usize]);
+    (order.iter().map(|&i| point_ids[i as usize]).collect(), chunk.in_order(&order))
 }
 
 fn bytes_per_point(attributes: usize) -> usize {
@@ -178,13 +221,14 @@ mod tests {
             xs in prop::collection::vec(prop_oneof![4 => -50.0f64..50.0, 1 => Just(f64::NAN)], 1..200),
             chunk_size in 1usize..50,
             memory in prop_oneof![Just(1usize), Just(500), Just(usize::MAX)],
+            most in prop_oneof![Just(0usize), 1usize..60],
         ) {
             let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
                 points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
                 attributes: vec![xs.to_vec()],
             })).collect::<Vec<_>>();
             let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
-            let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
+            let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL).filled_up_to(most);
             slabs.spool.memory = memory;
 
             let mut seen = vec![false; xs.len()];
@@ -198,7 +242,7 @@ mod tests {
                 let extent = span.extent.unwrap();
                 prop_assert_eq!(extent.low, high);
                 high = extent.high;
-                let mut slab = None;
+                let mut slabs = std::collections::BTreeSet::new();
                 prop_assert_eq!(span.attributes[0].len(), ids.len());
                 for ((&id, point), value) in ids.iter().zip(&span.points).zip(&span.attributes[0]) {
                     prop_assert_eq!(value.to_bits(), xs[id as usize].to_bits());
@@ -206,12 +250,13 @@ mod tests {
                     prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
                     if let Some(at) = slab_of.of(point).unwrap() {
                         prop_assert!(extent.low <= point[0] && point[0] < extent.high);
-                        prop_assert_eq!(*slab.get_or_insert(at), at);
+                        slabs.insert(at);
                     }
                 }
-                if let Some(slab) = slab {
-                    prop_assert!(slab > last_slab);
-                    last_slab = slab;
+                prop_assert!(slabs.len() <= 1 || ids.len() <= most);
+                if let (Some(&first), Some(&last)) = (slabs.first(), slabs.last()) {
+                    prop_assert!(first > last_slab);
+                    last_slab = last;
                 }
             }
             prop_assert!(seen.into_iter().all(|s| s));
