@@ -16,7 +16,7 @@ mod memory;
 mod words;
 
 pub use census::{Census, Counts};
-pub use layout::PlannedWindow;
+pub use layout::{PlannedWindow, windows};
 pub use memory::{Budget, Footprint};
 
 use crate::error::Result;
