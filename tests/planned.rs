@@ -193,8 +193,9 @@ fn lattice() -> Lattice {
 }
 
 /// A cloud along x, ten times as dense in its middle as at its ends.
-fn street(points: usize) -> Census {
-    let mut census = Census::new(1.0, &lattice());
+fn street(reach: f64) -> Census {
+    let mut census = Census::new(reach, &lattice());
+    let points = 2_000_000;
     let along = |i: usize| {
         let t = i as f64 / points as f64;
         if t < 0.1 {
@@ -214,7 +215,7 @@ fn street(points: usize) -> Census {
 #[test]
 fn windows_are_long_where_the_cloud_is_thin_and_keep_to_the_budget() {
     let segmentor = Proximity::new(1.0, Metric::Xyz).unwrap();
-    let census = street(2_000_000);
+    let census = street(1.0);
     for megabytes in [150, 200, 256, 1000] {
         let plan = Plan::new(&census, &segmentor, Budget::new(megabytes * 1_000_000).unwrap(), false).unwrap();
         assert_eq!(plan.direction(), Direction::X);
@@ -231,8 +232,8 @@ fn windows_are_long_where_the_cloud_is_thin_and_keep_to_the_budget() {
 
 #[test]
 fn a_budget_that_is_too_small_is_told_with_what_would_do() {
-    let segmentor = Proximity::new(1.0, Metric::Xyz).unwrap();
-    let census = street(20_000_000);
+    let segmentor = Proximity::new(25.0, Metric::Xyz).unwrap();
+    let census = street(25.0);
     let plan = |bytes| Plan::new(&census, &segmentor, Budget::new(bytes).unwrap(), false).unwrap();
     let warning = plan(150_000_000).warning().unwrap();
     let (needed, _) = warning.split_once(" MB, more than the max_memory of 150 MB").unwrap();

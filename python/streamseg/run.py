@@ -118,7 +118,7 @@ def stream(
     elif spans is None and opened.stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
     if isinstance(spans, Plan):
-        window, threads = spans.window, min(threads or _cores(), spans.at_a_time)
+        window, threads = spans.window, min(threads or cores(), spans.at_a_time)
         if spans.warning:
             warn(spans.warning)
     core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
@@ -169,7 +169,7 @@ def _pipeline(
     on_progress: Callable[[Progress], None] | None,
 ) -> Pipeline:
     if threads is None:
-        threads = _cores() if source.stored else 1
+        threads = cores() if source.stored else 1
     elif threads < 1:
         raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
     return Pipeline(
@@ -187,7 +187,8 @@ def _pipeline(
     )
 
 
-def _cores() -> int:
+def cores() -> int:
+    """How many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -137,9 +137,9 @@ pub trait Segmentor: Send + Sync {
     }
 
     /// How much memory it takes while it works on a window, in bytes for each point, besides the window itself: measured,
-    /// so that windows can be planned. Segmentors of which nothing is known get as much as our own at the most.
+    /// so that windows can be planned. Segmentors of which nothing is known count as much as the greediest of ours.
     fn bytes_per_point(&self) -> usize {
-        400
+        500
     }
 
     /// One label for each of [`Window::points`].

@@ -75,6 +75,13 @@ OPTIONS = {
 }
 
 
+def given(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Take the options of methods from the parameters of a command, by their names there."""
+    options = {**OPTIONS, **{option: name for method in METHODS.values() for option, name in method.options.items()}}
+    values = {option: parameters[option.removeprefix("--").replace("-", "_")] for option in options}
+    return {**values, "--search-radius": lengths("--search-radius", parameters["search_radius"])}
+
+
 def segmentor(method: str, given: Mapping[str, Any], settings: Iterable[str]) -> Any:
     """Make the segmentor of a method from the options that were given (those that are None were not)."""
     given = {option: value for option, value in given.items() if value is not None}
