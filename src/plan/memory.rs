@@ -12,7 +12,7 @@ use crate::segmentor::Segmentor;
 const PROGRAM: u64 = 80_000_000;
 
 /// What reading, spooling and writing take at most, before and after the windows.
-const READING: u64 = 135_000_000;
+pub(super) const READING: u64 = 135_000_000;
 
 /// What a history takes on top: the libraries that write it, and rows that wait.
 const HISTORY: u64 = 90_000_000;
@@ -135,7 +135,7 @@ impl Footprint {
 
     /// The budget that windows of so many points need, one at a time.
     pub fn needed(&self, points: u64) -> u64 {
-        (self.program + points * self.per_point(1) * 100 / PLANNED).max(READING)
+        self.program + points * self.per_point(1) * 100 / PLANNED
     }
 
     /// How many points each window may load.
@@ -184,7 +184,7 @@ mod tests {
                 assert!(room >= footprint.room(budget, at_a_time + 1));
             }
             let alone = footprint.room(budget, 1);
-            assert!(footprint.needed(alone) <= bytes.max(READING));
+            assert!(footprint.needed(alone) <= bytes.max(PROGRAM));
         }
     }
 }

@@ -17,6 +17,7 @@ mod words;
 
 pub use census::{Census, Counts};
 pub use layout::{PlannedWindow, windows};
+use memory::READING;
 pub use memory::{Budget, Footprint};
 
 use crate::error::Result;
@@ -107,13 +108,17 @@ impl Plan {
 
     /// The bytes that a run is expected to take at most on so many threads.
     pub fn peak(&self, threads: usize) -> u64 {
-        self.footprint.peak(self.most_points(), threads.clamp(1, self.at_a_time))
+        self.footprint.peak(self.most_points(), self.at_work(threads))
     }
 
-    /// One sentence, if even the smallest windows do not keep to the budget.
+    /// One sentence, if even the smallest windows do not keep to the budget, or what comes before and after them.
     pub fn warning(&self) -> Option<String> {
         let needed = self.footprint.needed(self.most_points());
-        (needed > self.budget.bytes()).then(|| words::too_little(needed, self))
+        match self.budget.bytes() {
+            budget if budget < needed => Some(words::too_dense(needed.max(READING), self)),
+            budget if budget < READING => Some(words::too_little(self)),
+            _ => None,
+        }
     }
 
     /// Along which the slabs follow each other.
@@ -139,6 +144,11 @@ impl Plan {
     /// How many points the window loads that loads most.
     pub fn most_points(&self) -> u64 {
         most_loaded(&self.windows)
+    }
+
+    /// How many windows so many threads work on at the same time.
+    fn at_work(&self, threads: usize) -> usize {
+        threads.min(self.at_a_time).min(self.windows.len()).max(1)
     }
 
     fn halo(&self) -> Halo {

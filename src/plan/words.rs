@@ -1,13 +1,12 @@
 //! A plan in words and numbers, for people.
 
-use super::{Plan, PlannedWindow};
+use super::{Plan, PlannedWindow, READING};
 use crate::span::Direction;
 use crate::window::Halo;
 
 impl Plan {
     /// What was chosen and why: a label and what there is to say, line by line, for a run on so many threads.
     pub fn explain(&self, threads: usize) -> Vec<(&'static str, String)> {
-        let at_work = threads.clamp(1, self.at_a_time);
         let mut lines = vec![
             (
                 "points",
@@ -41,7 +40,10 @@ impl Plan {
         lines.extend(self.windows.iter().max_by(by_density).map(|window| ("densest", in_words(window))));
         lines.extend(self.windows.iter().min_by(by_density).map(|window| ("thinnest", in_words(window))));
         let peak = bytes(self.peak(threads));
-        lines.push(("expected", format!("a peak of about {peak} with {} at a time", plural(at_work as u64, "window"))));
+        lines.push((
+            "expected",
+            format!("a peak of about {peak} with {} at a time", plural(self.at_work(threads) as u64, "window")),
+        ));
         lines.extend(self.warning().map(|warning| ("warning", warning)));
         lines
     }
@@ -85,8 +87,17 @@ impl Plan {
     }
 }
 
+/// The warning that what comes before and after the windows does not keep to the budget.
+pub(super) fn too_little(plan: &Plan) -> String {
+    format!(
+        "reading and writing take about {}, more than the max_memory of {}; give at least that",
+        bytes(READING),
+        bytes(plan.budget.bytes())
+    )
+}
+
 /// The warning that windows do not keep to the budget.
-pub(super) fn too_little(needed: u64, plan: &Plan) -> String {
+pub(super) fn too_dense(needed: u64, plan: &Plan) -> String {
     format!(
         "the densest place needs windows of {} points and about {}, more than the max_memory of {}; give at least that, or a smaller distance",
         count(plan.most_points()),

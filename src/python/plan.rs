@@ -60,7 +60,7 @@ impl PyPlan {
         self.plan.most_points()
     }
 
-    /// One sentence, if even the smallest windows do not keep to the budget.
+    /// One sentence, if even the smallest windows do not keep to the budget, or what comes before and after them.
     #[getter]
     fn warning(&self) -> Option<String> {
         self.plan.warning()
