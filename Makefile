@@ -52,7 +52,7 @@ model: check-tools ## every interleaving of the look-up tables (minutes)
 	RUSTFLAGS="--cfg loom" cargo test --profile model --target-dir target/loom --test weaver_model
 
 fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
-	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test weaver_is_sequential --test expression_trees
+	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test canonical_delaunay --test weaver_is_sequential --test expression_trees
 	STREAMSEG_CRITERIA=10000000 cargo test --release --test expression_fuzz -- --nocapture
 	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
 
@@ -60,6 +60,10 @@ experiments: $(BUILT) $(TOOLS) ## improved region growing's experiment, and roof
 	@mkdir -p figures
 	$(BIN)/python benches/region_growing.py --picture figures/region-growing.png
 	$(BIN)/python benches/planes.py --out figures
+
+proof: $(BUILT) $(TOOLS) ## streamed against static on the measured clouds, into figures/ (an hour or two)
+	$(BIN)/python benches/proof.py
+	$(BIN)/python benches/proof.py --orders
 
 soak: $(BUILT) $(TOOLS) ## memory and speed on long clouds, beside scipy
 	$(BIN)/python benches/memory.py
@@ -93,4 +97,4 @@ check-tools:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "streamseg: needs Python 3.10 or newer, '$(PYTHON)' is $$($(PYTHON) -V); name another with PYTHON=..."; exit 1; }
 	@command -v cargo >/dev/null || { echo "streamseg: needs a Rust toolchain (cargo); get it with rustup, see https://rustup.rs"; exit 1; }
 
-.PHONY: help demo test lint test-rust test-python bench figures experiments model fuzz soak wheel clean check-tools
+.PHONY: help demo test lint test-rust test-python bench figures experiments proof model fuzz soak wheel clean check-tools

@@ -56,10 +56,11 @@ impl Stream {
                 labels: &window.labels,
                 seeded: None,
                 agrees: None,
+                returned: &[],
             };
             self.next_window += 1;
             self.next_span = woven.first_span + window.span_points.len() as u64;
-            let evicted = self.weaver.weave(&woven, crew);
+            let evicted = self.weaver.weave(&woven, crew).expect("nothing returns");
             points += evicted.iter().map(|span| span.raw_ids.len()).sum::<usize>();
         }
         points

@@ -66,6 +66,12 @@ pub enum Error {
         /// The segment's id.
         segment_id: i64,
     },
+    /// A segment is to be joined that is not known any more.
+    #[error("segment {segment_id} has gone out of scope, and was not kept to be joined later")]
+    OutOfScope {
+        /// The segment's id.
+        segment_id: i64,
+    },
     /// A live source went backwards along the direction of its spans.
     #[error(
         "point {point_id} goes back along the direction of the spans, from slab {from} to slab {to}; a live source has to be sorted along it: use spans by count or time, or give the cloud as a file or an array"

@@ -14,7 +14,9 @@
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
 //! | [`plan`] | how many points lie where → spans and windows that keep to a budget of memory |
+//! | [`front`] | what windows leave open → pairs of segments that are one after all |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
+//! | [`revisit`] | windows → windows that see earlier points around them |
 //! | [`pipeline`] | all of it, as an iterator |
 //! | [`settlement`] | spans with carried ids → the same spans with final ids, after the end |
 //!
@@ -51,6 +53,7 @@ pub mod crew;
 pub mod error;
 pub mod expression;
 pub mod features;
+pub mod front;
 pub mod label;
 pub mod lattice;
 pub mod neighborhood;
@@ -58,6 +61,7 @@ pub mod pipeline;
 pub mod plan;
 pub mod preprocessing;
 pub mod recipe;
+pub mod revisit;
 pub mod scene;
 pub mod segmentor;
 pub mod settlement;

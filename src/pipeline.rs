@@ -11,11 +11,13 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, Tally};
 use crate::crew::{Crew, Job};
 use crate::error::{Error, Result};
+use crate::front::{Front, Frontier};
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::{Plane, Segmented, Segmentor};
+use crate::revisit::{Context, Revisit};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans};
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -25,6 +27,8 @@ pub type LookUp = Box<dyn FnMut(&Progress) -> Result<()> + Send>;
 pub struct Pipeline {
     spans: Option<Spans>,
     slider: Slider,
+    /// Where points that have gone out of scope come back.
+    revisit: Option<Revisit>,
     segmentor: Arc<dyn Segmentor>,
     crew: Crew,
     under_way: VecDeque<SegmentedWindow>,
@@ -40,6 +44,8 @@ pub struct Pipeline {
     progress: Progress,
     planes: LivePlanes,
     certificate: Certificate,
+    /// What windows leave open, where that can be decided later.
+    front: Option<Front>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -92,7 +98,9 @@ pub struct Progress {
 struct SegmentedWindow {
     index: u64,
     spans: Vec<Arc<Span>>,
-    labels: Job<Result<Segmented>>,
+    /// Earlier points that were brought back, and whose labels come with those of the spans.
+    context: Option<Context>,
+    labels: Job<Result<(Segmented, Vec<i32>)>>,
 }
 
 impl Pipeline {
@@ -100,14 +108,18 @@ impl Pipeline {
     /// several windows at the same time gets a crew of one.
     pub fn new(spans: Spans, lattice: Lattice, segmentor: Arc<dyn Segmentor>, size: WindowSize, crew: Crew) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
-        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
+        let exactness = segmentor.exactness();
+        let slider = Slider::new(size, lattice).with_halo(exactness.halo());
+        let front = matches!(exactness, Exactness::Proven { .. }).then(Front::default);
+        let out_of_scope = front.as_ref().map_or_else(OutOfScope::default, |_| OutOfScope::awaited());
         Self {
             spans: Some(spans),
             slider: slider.with_attributes(segmentor.reads()),
+            revisit: None,
             segmentor,
             crew,
             under_way: VecDeque::new(),
-            weaver: Weaver::default(),
+            weaver: Weaver::with_late_joins(out_of_scope),
             live: VecDeque::new(),
             ready: VecDeque::new(),
             untold: Vec::new(),
@@ -117,6 +129,7 @@ impl Pipeline {
             progress: Progress::default(),
             planes: LivePlanes::default(),
             certificate: Certificate::default(),
+            front,
         }
     }
 
@@ -131,6 +144,15 @@ impl Pipeline {
     #[must_use]
     pub fn with_attributes(mut self, names: Vec<String>) -> Self {
         self.slider = self.slider.with_attributes(names);
+        self
+    }
+
+    /// Brings points that have gone out of scope back to new windows within reach of them, for streams that may come back to
+    /// where they were.
+    #[must_use]
+    pub fn with_revisit(mut self, revisit: Revisit) -> Self {
+        self.revisit = Some(revisit);
+        self.weaver = Weaver::with_late_joins(OutOfScope::all());
         self
     }
 
@@ -153,7 +175,10 @@ impl Pipeline {
 
     /// What the run could prove so far; after the end, whether streamed and static are sure to be the same.
     pub fn certificate(&self) -> Certificate {
-        self.certificate
+        // Nothing was early if all that came was in one window.
+        let is_whole = self.finished && self.progress.windows <= 1;
+        let early_decisions = if is_whole { 0 } else { self.certificate.early_decisions };
+        Certificate { early_decisions, ..self.certificate }
     }
 
     /// The log of joins and closings, which turns raw and carried ids into final ones after the end.
@@ -176,7 +201,9 @@ impl Pipeline {
             self.weave_window()?;
             return Ok(true);
         }
+        self.finish_front()?;
         let left = self.weaver.finish();
+        self.revisit = None;
         self.hand_out(left);
         self.finished = true;
         Ok(false)
@@ -184,9 +211,16 @@ impl Pipeline {
 
     /// Takes the next span in and has a window segmented when it is complete; whether there was a span.
     fn take_in_span(&mut self) -> bool {
-        if let Some(window) = self.slider.next_window() {
-            self.segment_window(window);
-            return true;
+        match self.next_window() {
+            Ok(Some((window, context))) => {
+                self.segment_window(window, context);
+                return true;
+            }
+            Ok(None) => (),
+            Err(error) => {
+                self.give_up(Some(error));
+                return true;
+            }
         }
         match self.spans.as_mut().map(Iterator::next) {
             Some(Some(Ok(span))) => self.slider.push(span),
@@ -201,18 +235,26 @@ impl Pipeline {
         true
     }
 
-    fn segment_window(&mut self, window: Window) {
+    fn next_window(&mut self) -> Result<Option<(Window, Option<Context>)>> {
+        match &mut self.revisit {
+            Some(revisit) => revisit.next_window(&mut self.slider),
+            None => Ok(self.slider.next_window().map(|window| (window, None))),
+        }
+    }
+
+    fn segment_window(&mut self, window: Window, context: Option<Context>) {
         let segmentor = Arc::clone(&self.segmentor);
         let (index, spans) = (window.index(), window.own_spans().to_vec());
-        let labels = self.crew.start(move || label_own_points(&*segmentor, &window));
-        self.under_way.push_back(SegmentedWindow { index, spans, labels });
+        let before = context.as_ref().map_or(0, Context::len);
+        let labels = self.crew.start(move || label_own_points(&*segmentor, &window, before));
+        self.under_way.push_back(SegmentedWindow { index, spans, context, labels });
     }
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
         let labels = first.labels.wait(&mut || (self.look_up)(&self.progress))?;
-        let Some(SegmentedWindow { index, spans, .. }) = self.under_way.pop_front() else { return Ok(()) };
-        let Segmented { labels, seeded, planes, tally } = match labels {
+        let Some(SegmentedWindow { index, spans, context, .. }) = self.under_way.pop_front() else { return Ok(()) };
+        let (Segmented { labels, seeded, planes, mut tally, frontier }, labels_of_context) = match labels {
             Ok(Ok(segmented)) => segmented,
             failed => {
                 self.fail(index, failed.map(Result::err));
@@ -220,6 +262,12 @@ impl Pipeline {
             }
         };
         let begun = Instant::now();
+        let raw_id = |span, position| self.weaver.raw_id(span, position);
+        let returned = context.as_ref().map(|context| context.returned(&labels_of_context, raw_id)).unwrap_or_default();
+        tally.returned_points += labels_of_context.len() as u64;
+        if self.may_come_back_to(&spans) {
+            tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
+        }
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
         let first_segment_id = self.weaver.next_id();
@@ -232,10 +280,14 @@ impl Pipeline {
                 labels: &labels,
                 seeded: seeded.as_deref(),
                 agrees: agrees.as_ref().map(|agrees| agrees as &Agreement),
+                returned: &returned,
             };
-            self.weaver.weave(&window, &self.crew)
+            self.weaver.weave(&window, &self.crew)?
         };
         self.planes.take_in(first_segment_id, planes.unwrap_or_default(), self.weaver.oldest_live_id());
+        if let Some(frontier) = frontier {
+            self.advance_front(index, &frontier, first_segment_id, &mut tally)?;
+        }
         self.progress.weaving += begun.elapsed();
         self.untold.push(WovenWindow {
             index,
@@ -256,12 +308,45 @@ impl Pipeline {
         Ok(())
     }
 
+    /// Whether more of the cloud may come to where the spans are and undo what is decided now. Spans of space hold all that
+    /// ever comes to their place; and where more points can only join more, and are brought together whenever they come,
+    /// nothing is undone.
+    fn may_come_back_to(&self, spans: &[Arc<Span>]) -> bool {
+        let is_undone_by_none = self.revisit.is_some() && self.segmentor.exactness().is_monotone();
+        !is_undone_by_none && spans.iter().any(|span| span.extent.is_none())
+    }
+
+    /// Joins what the window just woven decides of what it and those before it left open.
+    fn advance_front(&mut self, window: u64, frontier: &Frontier, first: SegmentId, tally: &mut Tally) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let decided = front.decided();
+        let joins = front.advance(frontier, first);
+        tally.decided_edges += front.decided() - decided;
+        tally.waiting_edges = front.waiting() as u64;
+        self.weaver.join_late(&joins, window)?;
+        self.weaver.await_segments(&front.awaited());
+        Ok(())
+    }
+
+    /// Joins what still waits because the stream ended before the cloud did.
+    fn finish_front(&mut self) -> Result<()> {
+        let Some(front) = &mut self.front else { return Ok(()) };
+        let joins = front.finish();
+        self.certificate.decided_edges += std::mem::take(&mut self.certificate.undecided_edges);
+        self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
+    }
+
     /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
-        self.failure = match answer {
+        self.give_up(match answer {
             Ok(error) => error,
             Err(message) => Some(Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message }),
-        };
+        });
+    }
+
+    fn give_up(&mut self, failure: Option<Error>) {
+        self.failure = failure;
+        self.revisit = None;
         self.spans = None;
         self.under_way.clear();
         self.slider.clear();
@@ -269,6 +354,9 @@ impl Pipeline {
 
     fn hand_out(&mut self, evicted: Vec<EvictedSpan>) {
         for segmented in evicted {
+            if let Some(Err(error)) = self.revisit.as_mut().map(|revisit| revisit.evict(&segmented)) {
+                self.give_up(Some(error));
+            }
             if let Some(span) = self.live.pop_front() {
                 self.progress.points += span.len() as u64;
                 let windows = std::mem::take(&mut self.untold);
@@ -309,8 +397,8 @@ impl LivePlanes {
     }
 }
 
-/// The labels of all of a window's own points.
-fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
+/// The labels of all of a window's own points, and those of its first points, so many of which were brought back.
+fn label_own_points(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> Result<(Segmented, Vec<i32>)> {
     let mut segmented = segmentor.segment(window)?;
     let (given, points) = (segmented.labels.of_points().len(), window.points().len());
     if given != points {
@@ -320,7 +408,8 @@ fn label_own_points(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmen
     if let Some(valid) = window.valid() {
         segmented.labels = segmented.labels.spread(valid, window.len());
     }
-    Ok(if window.own().len() < window.len() { segmented.keep(window.own()) } else { segmented })
+    let has_others = window.own().len() < window.len();
+    Ok(if has_others { segmented.keep(window.own(), 0..brought_back) } else { (segmented, Vec::new()) })
 }
 
 impl Iterator for Pipeline {

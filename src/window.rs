@@ -219,6 +219,17 @@ impl Window {
         count(&self.spans[..own.start])..count(&self.spans[..own.end])
     }
 
+    /// Index of the span that a valid point came with, if others have not been put in the points' place.
+    pub fn span_of(&self, point: u32) -> u64 {
+        let point = self.valid.as_ref().map_or(point, |valid| valid[point as usize]);
+        let mut end = 0;
+        let holds = |span: &&Arc<Span>| {
+            end += span.len();
+            (point as usize) < end
+        };
+        self.spans.iter().find(holds).or(self.spans.last()).map_or(0, |span| span.index)
+    }
+
     /// Lattice coordinates of the valid points, in stream order.
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points
@@ -349,6 +360,25 @@ fn extent_of(spans: &[Arc<Span>]) -> Option<Extent> {
     Some(Extent { high: last.high, ..first })
 }
 
+/// The spans of a window, before their points are gathered.
+#[derive(Debug, Clone)]
+pub(crate) struct Frame {
+    /// Number of the window.
+    pub index: u64,
+    /// The spans, halo included.
+    pub spans: Vec<Arc<Span>>,
+    /// Which of them are the window's own.
+    pub own: Range<usize>,
+}
+
+impl Frame {
+    /// The same behind points that are only looked at.
+    pub fn behind(mut self, context: Arc<Span>) -> Self {
+        self.spans.insert(0, context);
+        Self { own: self.own.start + 1..self.own.end + 1, ..self }
+    }
+}
+
 /// Slides a window over spans as they come.
 #[derive(Debug)]
 pub struct Slider {
@@ -411,6 +441,11 @@ impl Slider {
 
     /// The next window, if the spans that it needs have come.
     pub fn next_window(&mut self) -> Option<Window> {
+        self.next_frame().map(|frame| self.gather(frame))
+    }
+
+    /// The spans of the next window.
+    pub(crate) fn next_frame(&mut self) -> Option<Frame> {
         let there = self.held.len() - self.before;
         let end = self.before + self.size.spans.min(there);
         let is_ready = there >= self.size.spans && self.has_halo(end);
@@ -479,17 +514,29 @@ impl Slider {
         }
     }
 
-    fn advance(&mut self, end: usize) -> Window {
+    /// A window over the same spans once more.
+    pub(crate) fn again(&mut self, frame: &Frame) -> Frame {
+        let index = self.index;
+        self.index += 1;
+        Frame { index, ..frame.clone() }
+    }
+
+    /// The window of some spans.
+    pub(crate) fn gather(&self, Frame { index, spans, own }: Frame) -> Window {
+        Window::with_halo(index, spans, own, self.lattice, &self.names)
+    }
+
+    fn advance(&mut self, end: usize) -> Frame {
         let loaded = end + self.after(end);
-        let spans = self.held.range(..loaded).cloned().collect();
-        let window = Window::with_halo(self.index, spans, self.before..end, self.lattice, &self.names);
+        let frame =
+            Frame { index: self.index, spans: self.held.range(..loaded).cloned().collect(), own: self.before..end };
         let first = end - self.size.overlap.min(end - self.before);
         self.shared = end - first;
         let kept = first - self.halo_before(first);
         self.held.drain(..kept);
         self.before = first - kept;
         self.index += 1;
-        window
+        frame
     }
 
     /// How many spans before `first` belong to the halo.

@@ -169,7 +169,8 @@ proptest! {
     ) {
         let points = survey.told(&cloud);
         let distance = (squared as f64).sqrt() * survey.unit;
-        let segmentors: [Arc<dyn Segmentor>; 3] = [
+        let segmentors: [Arc<dyn Segmentor>; 4] = [
+            Arc::new(Proximity::new(distance, Metric::Xyz).unwrap()),
             Arc::new(Proximity::new(distance, Metric::Xy).unwrap()),
             Arc::new(Proximity::new(distance, Metric::Xyz).unwrap().with_graph(Graph::Radius)),
             Arc::new(Dbscan::new(distance, 4, Metric::Xyz).unwrap()),

@@ -191,7 +191,7 @@ impl Segmentor for Counting {
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let segmented = self.segmentor.segment(window)?;
-        self.undecided.fetch_add(segmented.undecided, Ordering::Relaxed);
+        self.undecided.fetch_add(segmented.tally.waiting_points, Ordering::Relaxed);
         Ok(segmented)
     }
 }

@@ -16,8 +16,11 @@ use oracle::partition::{canonical, components, refines};
 use oracle::radius::{pairs_within, squared_length};
 use proptest::prelude::*;
 use streaming::{Outcome, Run, static_labels, stream};
+use streamseg::expression::Filter;
+use streamseg::features::Fit;
 use streamseg::label::NONE;
 use streamseg::lattice::{Lattice, Metric};
+use streamseg::recipe::{Ingredients, Recipe};
 use streamseg::scene::{OFFSET, SCALE, Scene};
 use streamseg::segmentor::{Proximity, Segmentor};
 use streamseg::span::{Direction, Source, SpanBy};
@@ -53,6 +56,14 @@ fn cut_along_the_stream() -> impl Strategy<Value = (SpanBy, Source)> {
 
 fn proximity(squared: i64, metric: Metric, survey: &Survey) -> Proximity {
     Proximity::new((squared as f64).sqrt() * survey.unit, metric).unwrap()
+}
+
+/// The segmentor, after a filter if there is one.
+fn filtered(segmentor: Proximity, filter: Option<&str>) -> Arc<dyn Segmentor> {
+    let filter = filter.map(|text| Filter::parse(text).unwrap());
+    let segmentor = Arc::new(segmentor);
+    let ingredients = Ingredients { stages: vec![], filter, seed_filter: None, fit: Fit::default(), segmentor };
+    Arc::new(Recipe::new(ingredients, &[], false).unwrap())
 }
 
 /// Spans so wide that the overlap holds the distance: exactly, or with some steps to spare.
@@ -184,6 +195,27 @@ proptest! {
         ].map(|allowed| components(units.len(), pairs_on_the_map(&units, squared, allowed)));
         prop_assert!(refines(&strict, &found), "a pair of every triangulation is missing");
         prop_assert!(!survey.is_exact_on_the_map() || canonical(&found) == canonical(&weak), "not the canonical graph");
+    }
+
+    /// Class B: with every pair in reach in one window, all edges are decided, and streamed = static. Also if a filter
+    /// leaves points out.
+    #[test]
+    fn in_space_streamed_is_static_and_proves_it(
+        cloud in cloud(), survey in survey(), squared in squared_distance(), size in overlapping_window_size(),
+        spare in prop::sample::select(vec![0i64, 1, 7, 40]), direction in direction(), chunks in chunk_sizes(),
+        threads in prop::sample::select(vec![1usize, 2]), filter in prop::sample::select(vec![None, Some("Z >= 0")]),
+    ) {
+        let points = survey.told(&cloud);
+        let segmentor = filtered(proximity(squared, Metric::Xyz, &survey), filter);
+        let expected = static_labels(&points, survey.lattice, &*segmentor);
+        let by = wide_enough((squared as f64).sqrt(), spare, size, direction, &survey);
+        let assessment = segmentor.exactness().assess(by, size, &survey.lattice);
+        prop_assert!(assessment.is_identical, "{:?}", assessment);
+        let run = Run { by, size, source: Source::Stored, chunks, threads };
+        let outcome = stream(&points, survey.lattice, segmentor, &run);
+        prop_assert_eq!(canonical(&outcome.settled), canonical(&expected));
+        prop_assert!(outcome.certificate.is_complete(), "{:?}", outcome.certificate);
+        check_ids(&outcome)?;
     }
 
     /// Class B: a streamed run joins no pair that some triangulation of the whole cloud lacks, and every pair whose

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -18,6 +20,8 @@ from reference.partition import same
 from reference.roster import houses
 from streamseg.cli import main
 from streamseg.cli.methods import METHODS, OPTIONS
+from streamseg.cli.segment import segment
+from streamseg.cli.verify import verify
 
 
 class Done(NamedTuple):
@@ -325,3 +329,70 @@ def test_a_plug_in_and_its_settings(run: Run, village: Path, tmp_path: Path) -> 
         done = run("segment", village, "wrong.las", *words(text))
         assert done.status == 2
         assert sentence in done.err
+
+
+# Streamed against static.
+
+
+def test_verify_says_whether_it_is_identical(run: Run, village: Path, tmp_path: Path) -> None:
+    done = run("verify", village, *words("--distance 0.3 --metric xy --span-width 2 --threads 2"))
+    assert (done.status, done.err) == (0, "")
+    assert done.out.startswith("identical: 900 points in ")
+    done = run("verify", village, *words("--distance 0.8 --span-count 60"))
+    assert done.status == 3
+    assert done.out.startswith("not identical: ")
+    assert "1. the spans are in stream order" in done.out
+    done = run("verify", village, village, *words("--distance 0.8 --span-count 60 --quiet"))
+    assert done == (3, "", "")
+    assert list(tmp_path.iterdir()) == [], "it writes nothing"
+
+
+@pytest.mark.parametrize("case", METHOD_OPTIONS, ids=lambda case: case[0])
+def test_verify_takes_the_methods_and_options_of_segment(run: Run, village: Path, case: tuple[str, Any]) -> None:
+    text, segmentor = case
+    done = run("verify", village, *words(text), *words("--outliers 8 --span-width 4"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ss.StreamsegWarning)
+        expected = ss.verify(village, segmentor, preprocess=ss.StatisticalOutlierRemoval(8), spans=ss.SpanByWidth(4.0))
+    assert done.out == f"{expected}\n"
+    assert done.status == (0 if expected.is_identical else 3)
+
+
+def test_verify_has_the_options_of_segment_and_uses_each() -> None:
+    options = set(inspect.signature(verify).parameters)
+    output = {"output", "result", "history", "preview", "overwrite"}
+    assert options == set(inspect.signature(segment).parameters) - output
+    used = {"inputs", "method", "settings", "outliers", "lonely", "voxel", "spans", "overlap", "quiet"}
+    used |= {name.removeprefix("--").replace("-", "_") for method in METHODS.values() for name in method.options}
+    used |= {name.removeprefix("--").replace("-", "_") for name in OPTIONS}
+    used |= {"span_width", "direction", "span_count", "span_time", "span_lines", "threads", "drop_invalid", "revisit"}
+    assert options <= used, "cli/verify.py has to hand these on too"
+
+
+def test_verify_of_a_damaged_file(run: Run, village: Path, tmp_path: Path) -> None:
+    (tmp_path / "cut.las").write_bytes(village.read_bytes()[:-5000])
+    done = run("verify", "cut.las", *words("--distance 0.3 --metric xy"))
+    assert done.status == 2
+    assert "damaged" in done.err
+    assert done.out.startswith("identical: ")
+
+
+def test_verify_refuses_what_segment_refuses(run: Run, village: Path) -> None:
+    for text, sentence in [
+        ("--method dbscan --eps 1 --k 8", "--k is given with --method dbscan"),
+        ("--distance 1 --span-width 5 --span-count 9", "--span-width and --span-count are given"),
+        ("--distance 1 --span-width 0", "width is 0"),
+        ("--distance 1 --history past", "--history"),
+    ]:
+        done = run("verify", village, *words(text))
+        assert done.status == 2
+        assert sentence in done.err
+    assert run("verify", "no.laz", *words("--distance 1")).status == 2
+
+
+def test_segment_tells_what_it_could_prove(run: Run, village: Path) -> None:
+    done = run("segment", village, "out.las", *words("--method growing --search-radius 2 --span-width 5"))
+    assert done.status == 0
+    assert re.search(r"^certificate: 0 of [\d,]+ points undecided; equal to the static result, proven$", done.out, re.M)
+    done = run("segment", village, "other.las", *words("--distance 0.3 --metric xy"))
+    assert "certificate" not in done.out, "nothing was to be counted"

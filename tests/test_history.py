@@ -81,6 +81,7 @@ def test_the_manifest_tells_the_truth(tmp_path: Path, data: Path) -> None:
         "spans": count,
         "windows": run.progress.windows,
         "segment_ids": run.progress.segment_ids,
+        "late_joins": 0,
         "parts": 1,
     }
     assert len(points) == 37_657

@@ -41,6 +41,7 @@ def cluster(points: int, seed: int) -> NDArray[np.float64]:
 
 CLOUD = cluster(6_000, 1)
 SEGMENTORS = [
+    ss.Proximity(0.4),
     ss.Proximity(0.3, metric="xy"),
     ss.Proximity(0.4, graph="radius"),
     ss.Dbscan(0.5, min_points=4),
@@ -108,7 +109,7 @@ def test_a_plan_says_what_it_chose_and_can_be_used_again() -> None:
 def test_lists_of_arrays_can_be_planned_and_generators_cannot() -> None:
     arrays = np.array_split(LINE[::-1], 7)
     assert np.array_equal(ss.segment(arrays, ss.Proximity(1.5), spans="auto"), np.ones(1000))
-    with pytest.raises(ss.InvalidParameter, match="^spans is 'auto' for a live source, allowed: for files"):
+    with pytest.raises(ss.InvalidParameter, match=r"^spans is 'auto' for a live source, allowed: for files"):
         ss.stream(iter(arrays), ss.Proximity(1.5), spans="auto")
 
 
@@ -204,7 +205,10 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
         (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "--spans is given with --plan, allowed: none"),
         (["info", "line.npy", "--plan", "--distance", 1, "--span-width", 3], "--span-width is '3' with --plan"),
         (["info", "line.npy", "--plan", "--distance", 1, "--wide"], "No such option: --wide"),
-        (["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "wide"], "allowed: a number above 0, or auto"),
+        (
+            ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "wide"],
+            "allowed: a number above 0, or auto",
+        ),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "auto", "--direction", "y"],
             "--direction is given with --span-width auto",
@@ -225,9 +229,7 @@ def test_wrong_words_are_told(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only here the kernel counts resident pages in this way")
 @pytest.mark.parametrize("options", [["--distance", 0.05], ["--method", "growing", "--k", 30, "--search-radius", 0.05]])
-def test_the_peak_of_the_process_stays_below_the_budget(
-    data: Path, options: list[object], tmp_path: Path
-) -> None:
+def test_the_peak_of_the_process_stays_below_the_budget(data: Path, options: list[object], tmp_path: Path) -> None:
     words = ["segment", data / "tls" / "pines.laz", "out.laz", *options, "--max-memory", "160MB", "--threads", 2]
     command = [sys.executable, "-m", "streamseg", *map(str, words)]
     # The kernel's peak of a child starts at what its parent holds, so the parent has to be a small one.

@@ -5,7 +5,7 @@
 mod clouds;
 mod oracle;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use clouds::cases;
 use oracle::weaver::{Gone, Said, SequentialWeaver};
@@ -15,7 +15,8 @@ use streamseg::label::{Labels, NONE, SegmentId};
 use streamseg::settlement::Settlement;
 use streamseg::size::{SizeLimits, Sort};
 use streamseg::weaver::{
-    Agreement, Carry, Closed, EvictedSpan, Join, LabelledWindow, PointSegment, Replay, SegmentRow, Selection, Weaver,
+    Agreement, Carry, Closed, EvictedSpan, Join, LabelledWindow, OutOfScope, PointSegment, Replay, Returned,
+    SegmentRow, Selection, Weaver,
 };
 use streamseg::window::WindowSize;
 
@@ -30,7 +31,13 @@ struct Script {
     seedless: u64,
     /// A segment and a label agree unless this divides the sum of their numbers; 0 = agreement is not asked for.
     disagree: i64,
+    /// Late joins: after which window, of which segments, if there are so many by then. Every other one is of points that
+    /// returned to the window.
+    late: Vec<(u64, [SegmentId; 2])>,
 }
+
+/// Points of a returned segment, more than a window has, so that the rows can be told from others.
+const MANY: u64 = 1 << 40;
 
 impl Script {
     /// First span and number of spans of every window.
@@ -43,6 +50,20 @@ impl Script {
             first += advance;
         }
         windows
+    }
+
+    /// The late joins that come with a window with so many segments so far, `first` being the first of its own: those of
+    /// returned points, and the others.
+    fn late(&self, window: u64, first: SegmentId, next: SegmentId) -> (Vec<Returned>, Vec<[SegmentId; 2]>) {
+        let of_window = self.late.iter().filter(|(at, [a, b])| *at == window && a.max(b) < &next);
+        let is_returned = |[a, b]: &[SegmentId; 2]| a % 2 == 0 && first <= *b;
+        let (returned, others): (Vec<_>, Vec<_>) = of_window.map(|(_, pair)| *pair).partition(is_returned);
+        let returned = returned.into_iter().map(|[segment_id, b]| Returned {
+            segment_id,
+            label: (b - first) as i32,
+            points: MANY,
+        });
+        (returned.collect(), others)
     }
 
     fn is_seeded(&self, window: u64, label: i32) -> bool {
@@ -67,13 +88,15 @@ fn script() -> impl Strategy<Value = Script> {
     let size = (1usize..6).prop_flat_map(|spans| (Just(spans), 0..spans));
     let label = prop_oneof![2 => Just(NONE), 5 => 0i64..6, 1 => 0i64..40];
     let rules = (prop_oneof![Just(0u64), 1u64..4], prop_oneof![Just(0i64), 1i64..5]);
-    (prop::collection::vec(0usize..6, 0..14), size, prop::collection::vec(label, 1..200), rules).prop_map(
-        |(span_points, (spans, overlap), labels, (seedless, disagree))| Script {
+    let late = prop::collection::vec((0u64..12, [1i64..30, 1i64..30]), 0..12);
+    (prop::collection::vec(0usize..6, 0..14), size, prop::collection::vec(label, 1..200), rules, late).prop_map(
+        |(span_points, (spans, overlap), labels, (seedless, disagree), late)| Script {
             span_points,
             size: WindowSize::new(spans, overlap).unwrap(),
             labels,
             seedless,
             disagree,
+            late,
         },
     )
 }
@@ -90,13 +113,21 @@ fn as_gone(evicted: &EvictedSpan) -> Gone {
         span: evicted.index,
         raw_ids: evicted.raw_ids.clone(),
         carried_ids: evicted.carried_ids.clone(),
-        segments: evicted.segments.clone(),
+        segments: evicted.segments.iter().filter(|row| !is_late(row)).copied().collect(),
     }
+}
+
+fn is_late(row: &SegmentRow) -> bool {
+    row.next_segment_id != NONE && (row.shared_points == 0 || row.shared_points == MANY)
 }
 
 /// Weaves a script and its twin side by side and compares after every window.
 fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, SequentialWeaver), TestCaseError> {
-    let (mut weaver, mut twin) = (Weaver::default(), SequentialWeaver::default());
+    let awaited: Vec<SegmentId> = script.late.iter().flat_map(|(_, pair)| *pair).collect();
+    // Either way to remember those that have gone.
+    let out_of_scope = if script.labels.len().is_multiple_of(2) { OutOfScope::all() } else { OutOfScope::awaited() };
+    let (mut weaver, mut twin) = (Weaver::with_late_joins(out_of_scope), SequentialWeaver::default());
+    let mut late_rows = Vec::new();
     let crew = Crew::new(threads).unwrap();
     let (mut evicted, mut gone): (Vec<EvictedSpan>, Vec<Gone>) = (Vec::new(), Vec::new());
     let mut live = Vec::new();
@@ -105,6 +136,8 @@ fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, S
     script.play(|index, first_span, span_points, labels| {
         let is_seeded = |label| script.is_seeded(index, label);
         let seeded: Vec<bool> = (0..labels.count() as i32).map(is_seeded).collect();
+        let first = weaver.next_id();
+        let (returned, late) = script.late(index, first, first + labels.count() as i64);
         let window = LabelledWindow {
             index,
             first_span,
@@ -112,10 +145,19 @@ fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, S
             labels,
             seeded: (script.seedless > 0).then_some(&seeded),
             agrees: if script.disagree > 0 { Some(&agrees) } else { None },
+            returned: &returned,
         };
-        evicted.extend(weaver.weave(&window, &crew));
+        weaver.await_segments(&awaited.iter().copied().filter(|id| *id < first).collect::<Vec<_>>());
+        evicted.extend(weaver.weave(&window, &crew).unwrap());
+        weaver.join_late(&late, index).unwrap();
         let said = Said { labels: labels.of_points(), is_seeded: &is_seeded, agrees: &agrees };
         gone.extend(twin.weave(index as i64, first_span, span_points, &said));
+        let returned = returned.iter().map(|r| ([r.segment_id, first + i64::from(r.label)], MANY));
+        for ([a, b], shared_points) in returned.chain(late.iter().map(|pair| (*pair, 0))).filter(|([a, b], _)| a != b) {
+            twin.join(a, b);
+            let (segment_id, next_segment_id) = (a.min(b), a.max(b));
+            late_rows.push(SegmentRow { segment_id, next_segment_id, window: index as i64, shared_points });
+        }
         live.push([weaver.live_points(), twin.point_segment.len()]);
         live.push([weaver.live_segments(), twin.segment_segment.len()]);
         let can_be_closed = twin.closed();
@@ -130,9 +172,27 @@ fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, S
     evicted.extend(weaver.finish());
     gone.extend(twin.finish());
     prop_assert_eq!(evicted.iter().map(as_gone).collect::<Vec<_>>(), gone);
+    late_rows.sort_unstable();
+    late_rows.dedup();
+    prop_assert_eq!(told_late(&evicted)?, late_rows);
     prop_assert_eq!((weaver.live_points(), weaver.live_segments()), (0, 0));
     prop_assert_eq!(weaver.oldest_live_id(), weaver.next_id());
     Ok((weaver, evicted, twin))
+}
+
+/// The rows of late joins, none of which is told before its segment tells its own.
+fn told_late(evicted: &[EvictedSpan]) -> Result<Vec<SegmentRow>, TestCaseError> {
+    let (mut gone, mut late) = (HashSet::new(), Vec::new());
+    for row in evicted.iter().flat_map(|span| &span.segments) {
+        if is_late(row) {
+            prop_assert!(gone.contains(&row.segment_id), "{:?} came too early", row);
+            late.push(*row);
+        } else {
+            gone.insert(row.segment_id);
+        }
+    }
+    late.sort_unstable();
+    Ok(late)
 }
 
 /// What has been closed so far, by id.
@@ -233,7 +293,7 @@ proptest! {
     #[test]
     fn a_replayed_history_settles_to_the_same_ids(script in script(), (limits, sort) in selections()) {
         let (mut weaver, evicted, twin) = weave(&script, 1)?;
-        let mut replay = Replay::new(weaver.next_id() - 1);
+        let mut replay = Replay::new(weaver.next_id() - 1).with_late_joins();
         let mut parts = Vec::new();
         for span in &evicted {
             let rows: Vec<[SegmentId; 2]> =
@@ -272,6 +332,7 @@ fn threads_that_share_a_window_give_the_ids_of_one() {
         labels: (0..99_991i64).map(|i| if i % 7 == 0 { NONE } else { i * i % 1_013 / 2 }).collect(),
         seedless: 3,
         disagree: 5,
+        late: vec![],
     };
     let agrees = |from, label| script.agrees(from, label);
     let woven = |threads| {
@@ -279,8 +340,8 @@ fn threads_that_share_a_window_give_the_ids_of_one() {
         script.play(|index, first_span, span_points, labels| {
             let seeded: Vec<bool> = (0..labels.count() as i32).map(|label| script.is_seeded(index, label)).collect();
             let (seeded, agrees) = (Some(&seeded[..]), Some(&agrees as &Agreement<'_>));
-            let window = LabelledWindow { index, first_span, span_points, labels, seeded, agrees };
-            evicted.extend(weaver.weave(&window, &crew));
+            let window = LabelledWindow { index, first_span, span_points, labels, seeded, agrees, returned: &[] };
+            evicted.extend(weaver.weave(&window, &crew).unwrap());
         });
         evicted.extend(weaver.finish());
         (evicted, closed(&mut weaver))

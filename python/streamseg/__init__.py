@@ -1,7 +1,8 @@
 """Segments point clouds as a stream: clouds that do not fit in memory, or have not finished arriving.
 
-`stream` is the framework as an iterator over spans; `segment` and `segment_static` return the labels of a whole cloud;
-`segment_file` and `resolve_file` go from file to file; `features` tells what the surface is like around each point.
+`stream` is the framework as an iterator over spans; `segment` and `segment_static` return the labels of a whole cloud,
+and `verify` compares them; `segment_file` and `resolve_file` go from file to file; `features` tells what the surface is
+like around each point.
 """
 
 from . import scenes
@@ -45,6 +46,7 @@ from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
 from .stream import Certificate, LeftOut, Progress, Span, Stream
+from .verification import Verification, verify
 
 __all__ = [
     "Certificate",
@@ -77,6 +79,7 @@ __all__ = [
     "StreamsegError",
     "StreamsegWarning",
     "ThinnedSpan",
+    "Verification",
     "VoxelGrid",
     "Window",
     "WindowPoints",
@@ -94,4 +97,5 @@ __all__ = [
     "segment_file",
     "segment_static",
     "stream",
+    "verify",
 ]

@@ -16,7 +16,7 @@ from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_l
 from .plan import MaxMemory, Stages
 from .run import Spans, stream
 from .source import PathLike, counted, open_source
-from .stream import LeftOut, Progress, Result, Stream
+from .stream import Certificate, LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):
@@ -34,6 +34,10 @@ class Outcome(NamedTuple):
     """Ids handed out that have become another's (``result="carry"``)."""
     promise: str
     """How the result relates to the static one."""
+    certificate: Certificate
+    """What the run could prove."""
+    is_proven: bool
+    """Whether it could prove that it is the static result."""
     damage: str | None
     """What could not be read, if the input is damaged; what came before it is in the output."""
 
@@ -51,6 +55,7 @@ def segment_file(
     threads: int | None = None,
     drop_invalid: bool = False,
     preprocess: Stages = (),
+    revisit: bool = False,
     overwrite: bool = False,
     on_open: Callable[[int | None], None] | None = None,
     on_read: Callable[[int], None] | None = None,
@@ -65,7 +70,7 @@ def segment_file(
         LAS, LAZ, NumPy or text, all of one kind.
     output : path
         LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
-    segmentor, spans, window, max_memory, history, threads, drop_invalid, preprocess
+    segmentor, spans, window, max_memory, history, threads, drop_invalid, preprocess, revisit
         As for `stream`.
     result : {"final", "carry", "history"}, default "final"
         Which ids are written.
@@ -117,6 +122,7 @@ def segment_file(
             threads=threads,
             drop_invalid=drop_invalid,
             preprocess=preprocess,
+            revisit=revisit,
             overwrite=overwrite,
             on_progress=_first(interrupt.check, on_progress),
             with_points=False,
@@ -140,7 +146,17 @@ def segment_file(
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
-    return Outcome(points, progress.windows, segments, left_out, aliases, run.promise, cloud.damage)
+    return Outcome(
+        points,
+        progress.windows,
+        segments,
+        left_out,
+        aliases,
+        run.promise,
+        run.certificate,
+        run.is_proven,
+        cloud.damage,
+    )
 
 
 class _Interrupt:

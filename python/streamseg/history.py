@@ -78,6 +78,7 @@ class HistoryWriter:
             "spans": 0,
             "windows": 0,
             "segment_ids": 0,
+            "late_joins": 0,
             "parts": 0,
         }
         self._write_manifest(self._manifest)
@@ -89,6 +90,7 @@ class HistoryWriter:
             self._waiting["point_segment"].append(np.column_stack([span.point_ids, span.raw_ids, spans]))
             self._waiting["segment_segment"].append(span.segments)
             self._waiting["window"].append(span.windows)
+            self._manifest["late_joins"] += span.late_joins
             if with_aliases:
                 told = np.full(len(span.aliases), span.index, np.int64)
                 self._waiting["alias"].append(np.column_stack([span.aliases, told]))
@@ -271,7 +273,7 @@ class History:
         FileError, InvalidInput
             If the history is damaged; before anything is yielded.
         """
-        replay = Replay(self.manifest["segment_ids"])
+        replay = Replay(self.manifest["segment_ids"], late_joins=bool(self.manifest.get("late_joins")))
         settlement = Settlement(with_points=False)
         points = 0
         for index, part in enumerate(self.parts()):

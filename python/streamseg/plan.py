@@ -28,10 +28,10 @@ def plan(
 ) -> Plan:
     """Choose spans and windows for a stored cloud so that segmenting it keeps to a budget of memory.
 
-    The cloud is read once and its points are counted in slabs as narrow as the segmentor's reach allows. A span is a slab
-    or several; a window as many spans as there is memory for, so windows are long where the cloud is thin and short where
-    it is dense. The choice depends on the cloud, the segmentor and the budget, not on the machine. It may change raw ids,
-    but not the partition.
+    The cloud is read once and its points are counted in slabs as narrow as the segmentor's reach allows. A span is a
+    slab or several; a window as many spans as there is memory for, so windows are long where the cloud is thin and
+    short where it is dense. The choice depends on the cloud, the segmentor and the budget, not on the machine. It may
+    change raw ids, but not the partition.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def plan(
     Returns
     -------
     Plan
-        Give it as ``spans`` to `stream`, `segment` or `segment_file`. ``explain(threads)`` says in words what was chosen
-        and why, ``peak(threads)`` how many bytes are expected, ``warning`` whether the budget is too small.
+        Give it as ``spans`` to `stream`, `segment` or `segment_file`. ``explain(threads)`` says in words what was
+        chosen and why, ``peak(threads)`` how many bytes are expected, ``warning`` whether the budget is too small.
 
     Raises
     ------

@@ -37,6 +37,7 @@ def stream(
     overwrite: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
     with_points: bool = True,
 ) -> Stream:
@@ -78,6 +79,10 @@ def stream(
     preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
+    revisit : bool, default False
+        For streams that come back to where they were: keep points that have gone out of scope in a store on disk, and
+        look again at those within reach of a new window, so that the same object is found once. Has no effect where
+        spans by width hold all that they need anyway. Needs a segmentor with a distance or search radius.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -121,7 +126,8 @@ def stream(
         window, threads = spans.window, min(threads or cores(), spans.at_a_time)
         if spans.warning:
             warn(spans.warning)
-    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress)
+    # A finite source and a relation that a later point can undo: this is where decisions could wait for it.
+    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress, revisit)
     if core.sort != "native" and result != "final":
         raise InvalidParameter(
             f"sort is {core.sort!r} with result={result!r}, allowed: with result='final', "
@@ -136,6 +142,7 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
+            **({"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
@@ -167,6 +174,7 @@ def _pipeline(
     threads: int | None,
     drop_invalid: bool,
     on_progress: Callable[[Progress], None] | None,
+    revisit: bool = False,
 ) -> Pipeline:
     if threads is None:
         threads = cores() if source.stored else 1
@@ -183,6 +191,7 @@ def _pipeline(
         threads=threads,
         drop_invalid=drop_invalid,
         on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
+        revisit=revisit,
         **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
     )
 
@@ -205,12 +214,13 @@ def segment(
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
     preprocess: Stages = (),
+    revisit: bool = False,
 ) -> Ids:
     """Segment a cloud as a stream and return the final segment id of every point.
 
     Parameters
     ----------
-    source, segmentor, spans, window, max_memory, threads, drop_invalid, attributes, preprocess
+    source, segmentor, spans, window, max_memory, threads, drop_invalid, attributes, preprocess, revisit
         As for `stream`. A live source has to end.
 
     Returns
@@ -234,10 +244,11 @@ def segment(
         drop_invalid=drop_invalid,
         attributes=attributes,
         preprocess=preprocess,
+        revisit=revisit,
         result="final",
         with_points=False,
     ) as run:
-        return _in_input_order(run)
+        return in_input_order(run)
 
 
 def segment_static(
@@ -270,10 +281,10 @@ def segment_static(
     opened = open_source(source, attributes)
     recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
     core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
-    return _in_input_order(Stream(opened, core, "final", None, with_points=False))
+    return in_input_order(Stream(opened, core, "final", None, with_points=False))
 
 
-def _in_input_order(run: Stream) -> Ids:
+def in_input_order(run: Stream) -> Ids:
     """Collect the final ids of a run. They wait on disk, so no memory is needed beside the result."""
     labels = np.empty(0, np.int64)
     for span in run:

@@ -67,6 +67,39 @@ class Certificate(NamedTuple):
         """Whether nothing was left undecided, and nothing decided too early."""
         return not (self.undecided_edges or self.undecided_points or self.early_decisions)
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What stands between the run and proof, a sentence each, and what to do; none if it is complete."""
+        kinds = (
+            (
+                self.undecided_edges,
+                "edges could not be decided: no empty circle through their ends was ever loaded whole",
+            ),
+            (
+                self.undecided_points,
+                "points went out of scope before any window held all that decides about them; "
+                "use wider spans, or limit how far away neighbors can be",
+            ),
+            (
+                self.early_decisions,
+                "points were decided though more of the cloud could still come to where they are; "
+                "only of a file or an array is known what is still to come",
+            ),
+        )
+        return tuple(f"{count:,} {sentence}" for count, sentence in kinds if count)
+
+    def __str__(self) -> str:
+        edges = self.decided_edges + self.undecided_edges
+        points = self.decided_points + self.undecided_points
+        counts = (
+            (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
+            (points, f"{self.undecided_points:,} of {points:,} points undecided"),
+            (self.returned_points, f"{self.returned_points:,} points returned"),
+            (self.waited_points, f"{self.waited_points:,} points waited"),
+            (self.early_decisions, f"{self.early_decisions:,} early decisions"),
+        )
+        return ", ".join(told for count, told in counts if count) or "nothing to count"
+
 
 class LeftOut(NamedTuple):
     """What final ids leave out: segments that are too small or too large, or hold no seed."""
@@ -179,6 +212,11 @@ class Stream:
     def certificate(self) -> Certificate:
         """What the run could prove so far; after the end, whether streamed and static are sure to be the same."""
         return Certificate(*self._core.certificate())
+
+    @property
+    def is_proven(self) -> bool:
+        """Whether the run has ended and was sure to give the static partition, with nothing left undecided."""
+        return self.is_identical and self._ended and not self._stopped and self.certificate.is_complete
 
     @property
     def left_out(self) -> LeftOut:

@@ -1,13 +1,32 @@
-//! Which Delaunay edges of a window are edges of the whole cloud's triangulation, whatever else may come.
+//! Which circles lie where everything has been loaded, and so stay empty whatever else may come.
 //!
-//! An edge is Delaunay as long as one circle through its ends is empty. So if such a circle lies inside the part of
-//! space that has been loaded completely, no later point can undo the edge (the finalization rule of Isenburg, Liu,
-//! Shewchuk and Snoeyink 2006, for edges instead of triangles).
+//! An edge is Delaunay as long as one circle through its ends is empty, a triangle as long as its circumcircle is. So if
+//! such a circle lies inside the part of the map that has been loaded completely, no later point can undo the edge or
+//! triangle (the finalization rule of Isenburg, Liu, Shewchuk and Snoeyink 2006, also for edges).
 //!
 //! The circles through the ends p, q have their centers on the bisector, at m + t·n with m the middle of the edge, n the
 //! unit normal to its left, and the radius √(h² + t²) with h = |pq|/2. Those between the circumcircles of the triangles to
-//! the right and to the left, t ∈ \[right, left\], are empty. The loaded part is a slab, low ≤ u·x ≤ high; a circle is
-//! inside if low ≤ u·m + t·(u·n) ∓ √(h² + t²) ≤ high, which again is an interval of t on either side.
+//! the right and to the left, t ∈ \[right, left\], are empty. The loaded part is a slab, low ≤ u·x < high; a circle is
+//! inside if low ≤ u·m + t·(u·n) ∓ √(h² + t²) < high, which again is an interval of t on either side.
+//!
+//! What is not sure because of rounding is not proven. With ε = 2⁻⁵³, a product of differences of coordinates is off by at
+//! most 4ε of the product of their lengths. The circumcenter of a triangle with sides b, c from a common corner is N / 2X,
+//! with |X| = |b×c| and N of terms no larger than |b||c|(|b| + |c|) ≤ 4R|b||c|. So it is off by less than 60ε·κR where
+//! κ = |b||c| / |X| is the reciprocal of the sine of the angle at the corner, as long as κ is far below 1/ε. The sums that
+//! lead from there to a border, and the choice of the slab into which a point outside has been put, are off by some ε of
+//! the largest coordinate that is involved.
+
+/// More than the rounding of a bound on t, relative: 9ε.
+const OF_TURN: f64 = 1e-15;
+
+/// More than the rounding of a center and of a radius together, relative to κR: 270ε.
+const OF_CIRCUMCIRCLE: f64 = 3e-14;
+
+/// Beyond this κ nothing is known of a circumcircle.
+const THINNEST: f64 = 1e12;
+
+/// More than the rounding of sums and slabs, relative to the coordinates: 900ε.
+const OF_PLACE: f64 = 1e-13;
 
 /// The part of the map, across a direction, in which all points of the cloud have been loaded.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,13 +37,21 @@ pub struct Loaded {
     pub low: f64,
     /// Upper border; +∞ if nothing lies beyond.
     pub high: f64,
+    /// The largest number from which, together with a point's coordinates, it was computed on which side of a border the
+    /// point lies, such as the offset of the coordinates.
+    pub largest: f64,
 }
 
 impl Loaded {
-    /// Whether some empty circle through `p` and `q` lies inside. `left` and `right` are the third corners of the
-    /// triangles on either side of the edge; a hull edge has none on one side.
+    /// Whether nothing lies beyond.
+    pub fn is_everything(&self) -> bool {
+        self.low == f64::NEG_INFINITY && self.high == f64::INFINITY
+    }
+
+    /// Whether some empty circle through `p` and `q` is sure to lie inside. `left` and `right` are the third corners of
+    /// the triangles on either side of the edge; a hull edge has none on one side.
     pub fn proves(&self, p: [f64; 2], q: [f64; 2], left: Option<[f64; 2]>, right: Option<[f64; 2]>) -> bool {
-        if self.low == f64::NEG_INFINITY && self.high == f64::INFINITY {
+        if self.is_everything() {
             return true;
         }
         let middle = [f64::midpoint(p[0], q[0]), f64::midpoint(p[1], q[1])];
@@ -32,38 +59,73 @@ impl Loaded {
         let h2 = half[0] * half[0] + half[1] * half[1];
         let h = h2.sqrt();
         let normal = [-half[1] / h, half[0] / h];
-        // Where the circle also passes through `corner`. `side` is 1 for a corner to the left and −1 for one to the right,
-        // as the triangulation has it: rounding must not turn a thin triangle over.
-        let through = |corner: [f64; 2], side: f64| {
-            let v = [corner[0] - middle[0], corner[1] - middle[1]];
-            let across = (side * (normal[0] * v[0] + normal[1] * v[1])).max(f64::MIN_POSITIVE);
-            side * (v[0] * v[0] + v[1] * v[1] - h2) / (2.0 * across)
-        };
-        let empty = (
-            right.map_or(f64::NEG_INFINITY, |corner| through(corner, -1.0)),
-            left.map_or(f64::INFINITY, |corner| through(corner, 1.0)),
-        );
-        let along = self.direction[0] * middle[0] + self.direction[1] * middle[1];
-        let slope = self.direction[0] * normal[0] + self.direction[1] * normal[1];
+        let along = self.along(middle);
+        let slope = self.along(normal);
         let below_high = inside(self.high - along, slope, h2);
         let above_low = inside(along - self.low, -slope, h2);
-        empty.0.max(below_high.0).max(above_low.0) <= empty.1.min(below_high.1).min(above_low.1)
+        let empty = (
+            right.map_or(f64::NEG_INFINITY, |corner| -least_turn(p, q, corner)),
+            left.map_or(f64::INFINITY, |corner| least_turn(p, q, corner)),
+        );
+        let least = empty.0.max(below_high.0).max(above_low.0);
+        let most = empty.1.min(below_high.1).min(above_low.1);
+        // Of the circles that seem to be inside, one is looked at closely.
+        let t = between(least, most, h);
+        let center = [middle[0] + t * normal[0], middle[1] + t * normal[1]];
+        least <= most && self.holds(center, (h2 + t * t).sqrt(), 0.0)
     }
-}
 
-impl Loaded {
-    /// Whether the circle through three places lies inside.
+    /// Whether the circle through three places is sure to lie inside.
     pub fn holds_circle(&self, corners: &[[f64; 2]; 3]) -> bool {
         let [a, b, c] = corners;
         let (b, c) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
         let [b2, c2] = [b, c].map(|v| v[0] * v[0] + v[1] * v[1]);
-        let cross = 2.0 * (b[0] * c[1] - b[1] * c[0]);
-        let center = [(c[1] * b2 - b[1] * c2) / cross, (b[0] * c2 - c[0] * b2) / cross];
-        let radius = center[0].hypot(center[1]);
-        let along = self.direction[0] * (a[0] + center[0]) + self.direction[1] * (a[1] + center[1]);
-        // What is not sure because of rounding is not proven.
-        let reach = radius + (radius + along.abs()) * 1e-12;
-        self.low <= along - reach && along + reach <= self.high
+        let cross = b[0] * c[1] - b[1] * c[0];
+        let kappa = (b2 * c2).sqrt() / cross.abs();
+        let way = [(c[1] * b2 - b[1] * c2) / (2.0 * cross), (b[0] * c2 - c[0] * b2) / (2.0 * cross)];
+        let radius = (way[0] * way[0] + way[1] * way[1]).sqrt();
+        let center = [a[0] + way[0], a[1] + way[1]];
+        kappa < THINNEST && self.holds(center, radius, OF_CIRCUMCIRCLE * kappa * radius)
+    }
+
+    /// Whether a disc lies inside, center and radius together being off by at most `off` beyond their last digits. It may
+    /// not touch a border: a point there would be on the circle, with those that are there already.
+    fn holds(&self, center: [f64; 2], radius: f64, off: f64) -> bool {
+        let along = self.along(center);
+        let reach = radius + off + OF_PLACE * (center[0].abs() + center[1].abs() + radius + self.largest);
+        self.low < along - reach && along + reach < self.high
+    }
+
+    fn along(&self, place: [f64; 2]) -> f64 {
+        self.direction[0] * place[0] + self.direction[1] * place[1]
+    }
+}
+
+/// A number that t, counted toward `corner`, may take before the circle through `p`, `q` reaches the corner: at most
+/// (p−c)·(q−c) h / |(q−p) × (c−p)|.
+fn least_turn(p: [f64; 2], q: [f64; 2], corner: [f64; 2]) -> f64 {
+    let from = |place: [f64; 2], to: [f64; 2]| [to[0] - place[0], to[1] - place[1]];
+    let length = |v: [f64; 2]| (v[0] * v[0] + v[1] * v[1]).sqrt();
+    let (chord, to_p, to_q) = (from(p, q), from(p, corner), from(q, corner));
+    let (whole, way) = (length(chord), length(to_p));
+    let dot = to_p[0] * to_q[0] + to_p[1] * to_q[1] - OF_TURN * way * length(to_q);
+    let across = (chord[0] * to_p[1] - chord[1] * to_p[0]).abs();
+    // The further across the corner is taken to be, the nearer to 0 is the turn.
+    let across = across + OF_TURN * whole * way * if dot < 0.0 { -1.0 } else { 1.0 };
+    if across <= 0.0 {
+        return f64::NEG_INFINITY;
+    }
+    let turn = dot * (whole / 2.0) / across;
+    turn - OF_TURN * turn.abs()
+}
+
+/// A number between two, one of which may be infinite; in steps of `step` from the other one then.
+fn between(least: f64, most: f64, step: f64) -> f64 {
+    match (least.is_finite(), most.is_finite()) {
+        (true, true) => f64::midpoint(least, most),
+        (true, false) => least + least.abs() + step,
+        (false, true) => most - most.abs() - step,
+        (false, false) => 0.0,
     }
 }
 
@@ -97,6 +159,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn loaded_below(high: f64) -> Loaded {
+        Loaded { direction: [1.0, 0.0], low: f64::NEG_INFINITY, high, largest: 0.0 }
+    }
+
     proptest! {
         /// Against trying many circles.
         #[test]
@@ -112,20 +178,68 @@ mod tests {
                 prop_assert!(t < low || high < t);
             }
         }
+
+        /// On whole numbers far from zero: top = center + radius < high is (2X·(high − a) − Nx)² > |N|², all exact in i128.
+        #[test]
+        fn a_circle_that_is_held_is_inside(
+            at in prop::array::uniform2(-1i64 << 30..1 << 30),
+            ends in prop::array::uniform4(-3000i64..3000), room in 0i64..10_000, thin in 0i64..3,
+        ) {
+            let b = [ends[0], ends[1]];
+            // Thin triangles, of which rounding makes most.
+            let c = if thin == 0 { [ends[2], ends[3]] } else { [7 * ends[0] + thin, 7 * ends[1] + 1] };
+            let cross = 2 * i128::from(b[0] * c[1] - b[1] * c[0]);
+            prop_assume!(cross != 0);
+            let [b2, c2] = [b, c].map(|v| i128::from(v[0] * v[0] + v[1] * v[1]));
+            let sign = cross.signum();
+            let nx = sign * (i128::from(c[1]) * b2 - i128::from(b[1]) * c2);
+            let ny = sign * (i128::from(b[0]) * c2 - i128::from(c[0]) * b2);
+            let spare = cross.abs() * i128::from(room) - nx;
+            let is_inside = spare > 0 && spare * spare > nx * nx + ny * ny;
+            let place = |v: [i64; 2]| [(at[0] + v[0]) as f64, (at[1] + v[1]) as f64];
+            let held = loaded_below((at[0] + room) as f64).holds_circle(&[place([0, 0]), place(b), place(c)]);
+            prop_assert!(!held || is_inside);
+            let is_well_inside = spare > 0 && (spare - cross.abs() / 2).pow(2) > nx * nx + ny * ny && 2 * spare > cross.abs();
+            prop_assert!(held || !is_well_inside || thin != 0);
+        }
+
+        /// A circle that leans no further than that leaves the corner outside, exactly.
+        #[test]
+        fn a_turn_stops_before_the_corner(
+            at in -1i64 << 40..1 << 40, q in prop::array::uniform2(-900i64..900), c in prop::array::uniform2(-9000i64..9000),
+        ) {
+            let cross = i128::from(q[0] * c[1] - q[1] * c[0]).abs();
+            prop_assume!(cross != 0);
+            let place = |v: [i64; 2]| [(at + v[0]) as f64, v[1] as f64];
+            let turn = least_turn(place([0, 0]), place(q), place(c));
+            // turn ≤ dot·h / cross, squared with its sign; h² = |q|² / 4.
+            let dot = i128::from(c[0] * (c[0] - q[0]) + c[1] * (c[1] - q[1]));
+            let exact = dot as f64 * (((q[0] * q[0] + q[1] * q[1]) as f64).sqrt() / 2.0) / cross as f64;
+            prop_assert!(turn <= exact + exact.abs() * 1e-15);
+            prop_assert!(turn >= exact - (1.0 + exact.abs()) * 1e-6 || cross < 10_000);
+        }
     }
 
     #[test]
     fn an_edge_near_the_border_needs_a_circle_that_fits() {
-        let loaded = |high| Loaded { direction: [1.0, 0.0], low: f64::NEG_INFINITY, high };
         let (p, q) = ([0.0, -1.0], [0.0, 1.0]);
         let far_left = Some([-9.0, 0.0]);
         // Nothing to the right: the smallest circle, of radius 1, has to fit, or a larger one that leans to the left.
-        assert!(loaded(1.0).proves(p, q, far_left, None));
-        assert!(loaded(0.3).proves(p, q, far_left, None));
-        assert!(!loaded(0.1).proves(p, q, far_left, None));
+        assert!(loaded_below(1.0).proves(p, q, far_left, None));
+        assert!(loaded_below(0.3).proves(p, q, far_left, None));
+        assert!(!loaded_below(0.1).proves(p, q, far_left, None));
         // A near corner to the left leaves only circles that lean to the right.
-        assert!(!loaded(1.0).proves(p, q, Some([-0.5, 0.0]), None));
-        assert!(loaded(2.1).proves(p, q, Some([-0.5, 0.0]), None));
-        assert!(loaded(f64::INFINITY).proves(p, q, Some([-0.5, 0.0]), None));
+        assert!(!loaded_below(1.0).proves(p, q, Some([-0.5, 0.0]), None));
+        assert!(loaded_below(2.1).proves(p, q, Some([-0.5, 0.0]), None));
+        assert!(loaded_below(f64::INFINITY).proves(p, q, Some([-0.5, 0.0]), None));
+    }
+
+    #[test]
+    fn a_circle_that_touches_the_border_is_not_inside() {
+        let circle = [[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]];
+        let touching = 5.0 + 50f64.sqrt();
+        assert!(!loaded_below(touching).holds_circle(&circle));
+        assert!(loaded_below(touching + 1e-9).holds_circle(&circle));
+        assert!(!loaded_below(1e300).holds_circle(&[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "no circle");
     }
 }

@@ -28,7 +28,7 @@ impl From<Error> for PyErr {
             | Error::DamagedHistory { .. } => InvalidInput::new_err(message),
             Error::Labels { .. } => SegmentorError::new_err(message),
             Error::Spool { .. } => FileError::new_err(message),
-            Error::Panicked { .. } => StreamsegError::new_err(message),
+            Error::Panicked { .. } | Error::OutOfScope { .. } => StreamsegError::new_err(message),
             // An exception from Python code passes through with its traceback.
             Error::Foreign(foreign) => match foreign.downcast::<PyErr>() {
                 Ok(exception) => *exception,

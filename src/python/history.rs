@@ -17,8 +17,10 @@ pub struct PyReplay(Mutex<Replay>);
 #[pymethods]
 impl PyReplay {
     #[new]
-    fn new(last_segment_id: i64) -> Self {
-        Self(Mutex::new(Replay::new(last_segment_id)))
+    #[pyo3(signature = (last_segment_id, late_joins = false))]
+    fn new(last_segment_id: i64, late_joins: bool) -> Self {
+        let replay = Replay::new(last_segment_id);
+        Self(Mutex::new(if late_joins { replay.with_late_joins() } else { replay }))
     }
 
     /// Takes in one part: rows of the segment-segment table, segments without a seed, and raw ids of points; returns

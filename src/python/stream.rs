@@ -15,6 +15,7 @@ use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
 use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
+use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
 use crate::span::{Invalid, Source, Span, checked, spans_of};
 use crate::weaver::Selection;
@@ -49,7 +50,7 @@ impl PyPipeline {
     #[new]
     #[pyo3(signature = (
         chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
-        min_segment_size = 1, max_segment_size = None, sort = "native",
+        min_segment_size = 1, max_segment_size = None, sort = "native", revisit = false,
     ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
@@ -66,6 +67,7 @@ impl PyPipeline {
         min_segment_size: i64,
         max_segment_size: Option<i64>,
         sort: &str,
+        revisit: bool,
     ) -> PyResult<Self> {
         let sizes = SizeOptions::new(min_segment_size, max_segment_size, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
@@ -80,11 +82,20 @@ impl PyPipeline {
         let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
         let spans = spans_of(chunks, by, &lattice, source)?;
         let crew = Crew::new(threads)?;
-        let assessment = segmentor.exactness().assess(by, window.0, &lattice);
+        let exactness = segmentor.exactness();
+        let brings_back = revisit && exactness.gains_from_revisit(by, window.0, &lattice);
+        let assessment = if brings_back {
+            exactness.assess_with_revisit(by, window.0, &lattice)
+        } else {
+            exactness.assess(by, window.0, &lattice)
+        };
         let name = segmentor.name().to_string();
-        let pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
+        let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
             .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+        if brings_back {
+            pipeline = pipeline.with_revisit(Revisit::new(exactness, lattice)?);
+        }
         Ok(Self {
             pipeline: Mutex::new(pipeline),
             given: Mutex::new(None),
@@ -277,6 +288,9 @@ pub struct PySpan {
     /// The segments that went with the span, (m, 4) int64: segment, next segment, window, shared points.
     #[pyo3(get)]
     segments: Py<PyArray2<i64>>,
+    /// How many of the last rows are late joins of segments that had gone before.
+    #[pyo3(get)]
+    late_joins: usize,
     /// The segments without a seed of the windows woven since the last span, (m,) int64.
     #[pyo3(get)]
     seedless: Py<PyArray1<i64>>,
@@ -324,6 +338,7 @@ impl PySpan {
             carried_ids: segmented.carried_ids.into_pyarray(py).unbind(),
             aliases: rows(py, segmented.aliases)?.unbind(),
             segments: rows(py, segments)?.unbind(),
+            late_joins: segmented.late_joins,
             seedless: segmented.seedless.into_pyarray(py).unbind(),
             windows: rows(py, windows.iter().map(window_row).collect())?.unbind(),
             settles_at: segmented.settles_at,

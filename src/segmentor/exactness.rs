@@ -19,7 +19,7 @@ pub enum Exactness {
         /// Greatest distance from which anything decides about a point; ∞ if there is no limit to it.
         halo: f64,
     },
-    /// Class B: equal as far as every decision could be proven in a window; pairs within this reach have to share one.
+    /// Class B: equal because every decision waits until it is proven; pairs within this reach have to share a window.
     Proven {
         /// Greatest distance of two points that are looked at together.
         reach: f64,
@@ -88,6 +88,21 @@ impl Exactness {
         }
     }
 
+    /// Whether more points can only join more: what a window joins is one in the whole cloud too.
+    pub fn is_monotone(self) -> bool {
+        matches!(self, Exactness::ByLocality { .. })
+    }
+
+    /// How far around a window earlier points have to be brought back where a stream may come back to any place; none if
+    /// that cannot be told.
+    pub fn revisit_reach(self) -> Option<f64> {
+        let reach = match self {
+            Exactness::ByLocality { reach } | Exactness::Proven { reach } => reach,
+            Exactness::WithHalo { reach, halo } | Exactness::Measured { reach, halo } => reach + halo,
+        };
+        Some(reach).filter(|reach| *reach > 0.0 && reach.is_finite())
+    }
+
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
@@ -104,8 +119,17 @@ impl Exactness {
             _ if more == 0.0 => self,
             Exactness::ByLocality { reach } => Exactness::WithHalo { reach, halo: reach + more },
             Exactness::WithHalo { reach, halo } => Exactness::WithHalo { reach, halo: halo + more },
-            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach + more },
+            Exactness::Proven { .. } => self.without_proof().with_halo(more),
             Exactness::Measured { reach, halo } => Exactness::Measured { reach, halo: halo + more },
+        }
+    }
+
+    /// The promise if nothing is decided later than in its window.
+    #[must_use]
+    pub fn without_proof(self) -> Self {
+        match self {
+            Exactness::Proven { reach } => Exactness::Measured { reach, halo: reach },
+            promise => promise,
         }
     }
 
@@ -120,6 +144,34 @@ impl Exactness {
         }
     }
 
+    /// Whether points that have gone out of scope can matter, so that it is worth bringing them back: not where spans of
+    /// space hold all that ever comes to their place, and share what they have to.
+    pub fn gains_from_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> bool {
+        let in_space = matches!(by, SpanBy::Width { .. });
+        !in_space || (self.is_monotone() && !self.assess(by, size, lattice).is_identical)
+    }
+
+    /// Assesses a run in which earlier points are brought back to whatever window comes near them.
+    pub fn assess_with_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
+        if !self.gains_from_revisit(by, size, lattice) {
+            return self.assess(by, size, lattice);
+        }
+        let (class, is_identical, sentence) = if self.is_monotone() {
+            (
+                'A',
+                true,
+                "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back",
+            )
+        } else {
+            (
+                'C',
+                false,
+                "near to the static result: more may still come to any place of such a stream, so every decision is an early one",
+            )
+        };
+        Assessment { class, is_identical, sentence: sentence.into(), warning: None }
+    }
+
     /// Assesses a run with these spans and windows.
     pub fn assess(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
         let shares = shares(self.reach(), by, size, lattice);
@@ -130,18 +182,18 @@ impl Exactness {
             Exactness::WithHalo { .. } | Exactness::Proven { .. } if in_space => 'B',
             _ => 'C',
         };
-        let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. } | Exactness::Proven { .. });
+        let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. });
         let is_identical = class < 'C' && has_limit && shares == Shares::Always;
         let sentence = match (class, self) {
             _ if is_identical && class == 'A' => "equal to the static result: every pair in reach shares a window",
+            (_, Exactness::Proven { .. }) if is_identical => {
+                "equal to the static result: every pair in reach shares a window, and every edge is proven"
+            }
             _ if is_identical => {
                 "equal to the static result: every pair in reach shares a window, and all that decides about a point is loaded with it"
             }
             ('A', _) => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
-            }
-            ('B', Exactness::Proven { .. }) => {
-                "near to the static result: at the borders of windows only proven edges join"
             }
             ('B', _) if has_limit => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
@@ -219,9 +271,31 @@ mod tests {
     }
 
     #[test]
+    fn in_any_order_with_revisit_only_where_nothing_is_undone() {
+        let (by, lattice) = (SpanBy::Count { points: 9 }, Lattice::REAL);
+        let size = WindowSize::new(1, 0).unwrap();
+        let near = Exactness::ByLocality { reach: 0.3 };
+        assert!(
+            near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice)
+        );
+        let halo = Exactness::WithHalo { reach: 0.3, halo: 0.6 };
+        let early = halo.assess_with_revisit(by, size, &lattice);
+        assert_eq!((early.class, early.is_identical), ('C', false));
+        assert!(early.sentence.contains("early"));
+        // Narrow spans of space too; wide ones hold all there is.
+        let width = |width| SpanBy::Width { width, direction: Direction::X };
+        assert!(near.assess_with_revisit(width(0.1), size, &lattice).is_identical);
+        assert!(!near.gains_from_revisit(width(9.0), WindowSize::default(), &lattice));
+        assert!(!halo.gains_from_revisit(width(0.1), size, &lattice));
+        assert_eq!(halo.revisit_reach().map(|reach| (reach * 10.0).round()), Some(9.0));
+        assert_eq!(Exactness::Measured { reach: 0.0, halo: 0.0 }.revisit_reach(), None);
+    }
+
+    #[test]
     fn identity_needs_a_limit_to_what_decides() {
         let proven = assess(Exactness::Proven { reach: 0.3 }, 9.0, 1);
-        assert_eq!((proven.class, proven.is_identical, proven.warning), ('B', false, None));
+        assert_eq!((proven.class, proven.is_identical, proven.warning), ('B', true, None));
+        assert!(!assess(Exactness::Proven { reach: 0.3 }, 0.2, 1).is_identical);
         let halo = assess(Exactness::WithHalo { reach: 0.3, halo: 5.0 }, 9.0, 1);
         assert_eq!((halo.class, halo.is_identical), ('B', true));
         let unlimited = assess(Exactness::WithHalo { reach: f64::INFINITY, halo: f64::INFINITY }, 9.0, 1);

@@ -21,7 +21,8 @@ use std::ops::Range;
 
 use crate::certificate::Tally;
 use crate::error::Result;
-use crate::label::Labels;
+use crate::front::Frontier;
+use crate::label::{Labels, NONE};
 use crate::neighborhood::Search;
 use crate::window::Window;
 
@@ -36,11 +37,13 @@ pub struct Segmented {
     pub planes: Option<Vec<Plane>>,
     /// What this window decided, and what it could not because it does not hold all that it depends on.
     pub tally: Tally,
+    /// What later windows may decide of it, where they can.
+    pub frontier: Option<Frontier>,
 }
 
 impl From<Labels> for Segmented {
     fn from(labels: Labels) -> Self {
-        Self { labels, seeded: None, planes: None, tally: Tally::default() }
+        Self { labels, seeded: None, planes: None, tally: Tally::default(), frontier: None }
     }
 }
 
@@ -48,23 +51,34 @@ impl Segmented {
     /// What is said of the points at `positions`, nothing where there is no position.
     #[must_use]
     pub fn take(self, positions: &[Option<u32>]) -> Self {
-        self.take_each(positions.iter().copied())
+        self.take_each(positions.iter().copied()).0
     }
 
-    /// What is said of the points in `range` only.
+    /// What is said of the points in `range` only, and which of its labels the points in `others` have.
     #[must_use]
-    pub fn keep(self, range: Range<usize>) -> Self {
-        self.take_each(range.map(|position| Some(position as u32)))
+    pub fn keep(self, range: Range<usize>, others: Range<usize>) -> (Self, Vec<i32>) {
+        let mut of_others = self.labels.of_points()[others].to_vec();
+        let mut number = vec![NONE as i32; self.labels.count()];
+        let (kept, old) = self.take_each(range.map(|position| Some(position as u32)));
+        for (label, &old) in (0..).zip(&old) {
+            number[old as usize] = label;
+        }
+        of_others.iter_mut().filter(|label| **label >= 0).for_each(|label| *label = number[*label as usize]);
+        (kept, of_others)
     }
 
-    fn take_each(self, positions: impl Iterator<Item = Option<u32>>) -> Self {
+    /// What is said of the points at `positions`, and for each of its labels which one it was.
+    fn take_each(self, positions: impl Iterator<Item = Option<u32>>) -> (Self, Vec<u32>) {
         let (labels, old) = self.labels.take(positions);
-        Self {
+        let kept = Self {
             labels,
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
             planes: self.planes.map(|planes| old.iter().map(|&label| planes[label as usize]).collect()),
             tally: self.tally,
-        }
+            // Labels have other numbers now, and places may lack the points that made them what they were.
+            frontier: None,
+        };
+        (kept, old)
     }
 }
 

@@ -8,7 +8,7 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Closed, Selection, Settling};
 use crate::error::{Error, Result};
@@ -26,7 +26,12 @@ pub(super) enum Record {
     Join { id: SegmentId, becomes: SegmentId },
     /// No later window can touch this whole.
     Closing(Closed),
+    /// The last closing of this whole was none: a late join has touched it.
+    Reopening { id: SegmentId },
 }
+
+/// No number of points, nor the complement of one.
+const REOPENED: i64 = i64::MIN;
 
 /// Two words per record. Ids start from 1, so the first word tells the kind: 0 for births, the id of a join, the negative
 /// id of a closing. The number of points of a whole without a seed is complemented.
@@ -37,6 +42,7 @@ impl From<Record> for [i64; 2] {
             Record::Join { id, becomes } => [id, becomes],
             Record::Closing(Closed { id, points, has_seed: true }) => [-id, points as i64],
             Record::Closing(Closed { id, points, has_seed: false }) => [-id, !(points as i64)],
+            Record::Reopening { id } => [-id, REOPENED],
         }
     }
 }
@@ -46,6 +52,7 @@ impl From<[i64; 2]> for Record {
         match first {
             0 => Record::Births { first: second },
             1.. => Record::Join { id: first, becomes: second },
+            _ if second == REOPENED => Record::Reopening { id: -first },
             _ if second < 0 => Record::Closing(Closed { id: -first, points: !second as u64, has_seed: false }),
             _ => Record::Closing(Closed { id: -first, points: second as u64, has_seed: true }),
         }
@@ -79,6 +86,11 @@ impl Aliases {
     /// Notes that `id` has become the smaller id `becomes`.
     pub fn join(&mut self, id: SegmentId, becomes: SegmentId) {
         self.push(Record::Join { id, becomes });
+    }
+
+    /// Notes that a whole that had been closed is open again.
+    pub fn reopen(&mut self, id: SegmentId) {
+        self.push(Record::Reopening { id });
     }
 
     /// Notes that no later window can touch a whole.
@@ -119,18 +131,21 @@ impl Aliases {
         Ok(block)
     }
 
-    /// Shows every whole that has been closed, in no particular order.
+    /// Shows every whole that has been closed for good, in no particular order.
     ///
     /// # Errors
     /// If the temporary file cannot be read.
     pub fn for_each_closed(&mut self, mut on_closed: impl FnMut(&Closed)) -> Result<()> {
         let mut position = self.len();
+        let mut reopened = FxHashSet::default();
         while position > 0 {
             let block = self.block_before(position)?;
             position -= block.len() as u64;
-            for words in block {
-                if let Record::Closing(whole) = words.into() {
-                    on_closed(&whole);
+            for words in block.into_iter().rev() {
+                match words.into() {
+                    Record::Reopening { id } => drop(reopened.insert(id)),
+                    Record::Closing(whole) if !reopened.remove(&whole.id) => on_closed(&whole),
+                    _ => (),
                 }
             }
         }
@@ -177,6 +192,7 @@ mod tests {
             whole(0, false),
             whole(1 << 62, true),
             whole(1 << 62, false),
+            Record::Reopening { id: 7 },
         ] {
             assert_eq!(Record::from(<[i64; 2]>::from(record)), record);
         }

@@ -6,8 +6,13 @@
 //!
 //! Only segments in scope are held: union-find over the consecutive ids from the oldest segment in scope to the newest.
 //! When the last segment of a whole is forgotten the whole is *closed*: its id and its size are final. A point counts
-//! when it is handed out, so once, whenever it got its label.
+//! when it is handed out, so once, whenever it got its label. A closed whole can be joined again if it is remembered
+//! ([`OutOfScope`]); it is open then, until it is closed once more.
 
+use rustc_hash::FxHashMap;
+
+use super::OutOfScope;
+use crate::error::{Error, Result};
 use crate::label::SegmentId;
 
 /// Which whole each segment in scope belongs to.
@@ -19,6 +24,9 @@ pub struct Carry {
     parent: Vec<u32>,
     /// For representatives: what is known of their whole.
     whole: Vec<Whole>,
+    /// Representatives of the wholes whose ids are older than `base`, while segments out of scope are remembered.
+    elders: FxHashMap<SegmentId, u32>,
+    out_of_scope: OutOfScope,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -60,11 +68,41 @@ pub struct Join {
 
 impl Default for Carry {
     fn default() -> Self {
-        Self { base: 1, parent: Vec::new(), whole: Vec::new() }
+        Self::new(OutOfScope::default())
     }
 }
 
+/// Where a segment's whole is to be found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// In scope: its representative.
+    InScope(u32),
+    /// Closed: its id.
+    Closed(SegmentId),
+}
+
+/// What a late join did, in this order.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct LateJoin {
+    /// Wholes that had been closed and are open again.
+    pub reopened: Vec<SegmentId>,
+    /// The wholes that became one; none if they were one already.
+    pub join: Option<Join>,
+    /// The new whole, if no window can touch it.
+    pub closed: Option<Closed>,
+}
+
 impl Carry {
+    /// With no segments, and what is to be known of those that go out of scope.
+    pub fn new(out_of_scope: OutOfScope) -> Self {
+        Self { base: 1, parent: Vec::new(), whole: Vec::new(), elders: FxHashMap::default(), out_of_scope }
+    }
+
+    /// Says anew which segments may be joined after they have gone out of scope.
+    pub fn await_only(&mut self, ids: &[SegmentId]) {
+        self.out_of_scope.await_only(ids);
+    }
+
     /// The id that the next new segment gets.
     pub fn next_id(&self) -> SegmentId {
         self.base + self.parent.len() as i64
@@ -99,10 +137,97 @@ impl Carry {
         (segment_id - self.base) as u32
     }
 
-    /// Makes the wholes of two segments one; none if they already are.
+    /// Makes the wholes of two segments in scope one; none if they already are.
     pub fn join(&mut self, a: SegmentId, b: SegmentId) -> Option<Join> {
         let (a, b) = (self.position(a), self.position(b));
         let (a, b) = (self.find(a), self.find(b));
+        self.join_in_scope(a, b)
+    }
+
+    /// Makes the wholes of two segments one, whether they are in scope or not.
+    ///
+    /// # Errors
+    /// If one is out of scope and not remembered.
+    pub fn join_late(&mut self, a: SegmentId, b: SegmentId) -> Result<LateJoin> {
+        let (a, b) = (self.locate(a), self.locate(b));
+        let (older, id) = match (a, b) {
+            _ if a == b => return Ok(LateJoin::default()),
+            (Place::InScope(a), Place::InScope(b)) => {
+                return Ok(LateJoin { join: self.join_in_scope(a, b), ..LateJoin::default() });
+            }
+            (older, Place::Closed(id)) | (Place::Closed(id), older) => (older, id),
+        };
+        let closed = self.reopen(id)?;
+        Ok(match older {
+            Place::InScope(representative) => {
+                let join = self.join_closed(representative, &closed);
+                LateJoin { reopened: vec![id], join: Some(join), closed: None }
+            }
+            Place::Closed(other) => {
+                let (winner, loser) =
+                    if other < id { (self.reopen(other)?, closed) } else { (closed, self.reopen(other)?) };
+                self.out_of_scope.became(loser.id, winner.id);
+                let points = winner.points + loser.points;
+                let whole = Closed { id: winner.id, points, has_seed: winner.has_seed || loser.has_seed };
+                self.out_of_scope.close(&whole);
+                let join = Join { id: loser.id, becomes: winner.id, is_alias: true };
+                LateJoin { reopened: vec![id, other], join: Some(join), closed: Some(whole) }
+            }
+        })
+    }
+
+    fn reopen(&mut self, id: SegmentId) -> Result<Closed> {
+        self.out_of_scope.reopen(id).ok_or(Error::OutOfScope { segment_id: id })
+    }
+
+    /// Where the whole of a segment is.
+    fn locate(&mut self, segment_id: SegmentId) -> Place {
+        let mut id = segment_id;
+        loop {
+            if id >= self.base {
+                return Place::InScope(self.find(self.position(id)));
+            }
+            if let Some(&elder) = self.elders.get(&id) {
+                return Place::InScope(self.find(elder));
+            }
+            match self.out_of_scope.next(id) {
+                Some(next) => id = next,
+                None => return Place::Closed(id),
+            }
+        }
+    }
+
+    /// Makes a whole in scope and one that had been closed one.
+    fn join_closed(&mut self, representative: u32, closed: &Closed) -> Join {
+        let whole = &mut self.whole[representative as usize];
+        let open_id = whole.id;
+        let is_older = closed.id < open_id;
+        let (id, becomes) = if is_older { (open_id, closed.id) } else { (closed.id, open_id) };
+        let is_alias = if is_older { whole.is_handed_out } else { true };
+        *whole = Whole {
+            id: becomes,
+            points: whole.points + closed.points,
+            is_handed_out: true,
+            has_seed: whole.has_seed || closed.has_seed,
+        };
+        self.lose_name(id, becomes, representative);
+        Join { id, becomes, is_alias }
+    }
+
+    /// Notes that a whole in scope goes by an older name.
+    fn lose_name(&mut self, id: SegmentId, becomes: SegmentId, representative: u32) {
+        if self.out_of_scope.remembers() {
+            if id < self.base {
+                self.elders.remove(&id);
+                self.out_of_scope.became(id, becomes);
+            }
+            if becomes < self.base {
+                self.elders.insert(becomes, representative);
+            }
+        }
+    }
+
+    fn join_in_scope(&mut self, a: u32, b: u32) -> Option<Join> {
         if a == b {
             return None;
         }
@@ -117,6 +242,7 @@ impl Carry {
             is_handed_out: winner.is_handed_out || loser.is_handed_out,
             has_seed: winner.has_seed || loser.has_seed,
         };
+        self.lose_name(loser.id, winner.id, kept);
         Some(Join { id: loser.id, becomes: winner.id, is_alias: loser.is_handed_out })
     }
 
@@ -148,11 +274,29 @@ impl Carry {
         }
         let is_closed = |segment: usize| self.parent[segment] == segment as u32 && heir[segment].is_none();
         let closed = (0..leaving as usize).filter(|&segment| is_closed(segment));
-        let closed = closed.map(|segment| self.whole[segment].closed()).collect();
+        let closed: Vec<Closed> = closed.map(|segment| self.whole[segment].closed()).collect();
+        if self.out_of_scope.remembers() {
+            self.remember(leaving, &parent, &closed);
+        }
         self.parent = parent;
         self.whole.drain(..leaving as usize);
         self.base = segment_id;
         closed
+    }
+
+    /// Remembers what becomes of the first `leaving` segments.
+    fn remember(&mut self, leaving: u32, heirs: &[u32], closed: &[Closed]) {
+        for segment in 0..leaving {
+            let representative = self.find(segment) as usize;
+            self.out_of_scope.became(self.base + i64::from(segment), self.whole[representative].id);
+        }
+        for whole in closed {
+            self.out_of_scope.close(whole);
+        }
+        let base = self.base + i64::from(leaving);
+        let heads = (0..).zip(heirs).filter(|(segment, heir)| segment == *heir);
+        let wholes = heads.map(|(segment, _)| (self.whole[(leaving + segment) as usize].id, segment));
+        self.elders = wholes.filter(|(id, _)| *id < base).collect();
     }
 }
 

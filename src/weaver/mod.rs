@@ -17,23 +17,28 @@
 //! Whoever labels the windows can ask for more than shared points: segments that do not *agree* are no pair, and a whole
 //! none of whose labels holds a *seed* is left out in the end.
 //!
+//! Segments can also be joined later, by something else than the points that two windows share ([`Weaver::join_late`]): when
+//! a pair at the border of a window has been decided at last, or points came back ([`Returned`]).
+//!
 //! The weaver never sees a coordinate. Steps 3 and 4 run on any number of threads, the ids do not depend on it.
 //!
 //! Departure: a point without a label is not in the table, so a later window may still give it one.
 
 mod aliases;
 mod carry;
+mod out_of_scope;
 mod point_segment;
 mod replay;
 mod segment_segment;
 mod selection;
 mod settling;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 
 pub use aliases::Aliases;
-pub use carry::{Carry, Closed, Join};
+pub use carry::{Carry, Closed, Join, LateJoin};
+pub use out_of_scope::OutOfScope;
 pub use point_segment::{Inserted, PointSegment};
 pub use replay::Replay;
 pub use segment_segment::{Pairs, SegmentRow, SegmentSegment};
@@ -41,6 +46,7 @@ pub use selection::Selection;
 pub use settling::Settling;
 
 use crate::crew::Crew;
+use crate::error::Result;
 use crate::label::{Labels, NONE, SegmentId};
 
 /// Points that one thread weaves at a time.
@@ -60,6 +66,8 @@ pub struct Weaver {
     untold: Vec<[SegmentId; 2]>,
     /// Segments without a seed that no evicted span has told yet.
     untold_seedless: Vec<SegmentId>,
+    /// Rows of late joins whose earlier segment is in scope yet, or has gone since the last span.
+    late_rows: BTreeSet<SegmentRow>,
     joins: i64,
 }
 
@@ -85,6 +93,19 @@ pub struct LabelledWindow<'a> {
     /// Asked once for each segment of an earlier window and each label of this that share points; where it says no they
     /// are not a pair. None = sharing points is enough.
     pub agrees: Option<&'a Agreement<'a>>,
+    /// Segments that share points with a label, though those points are not among the window's own.
+    pub returned: &'a [Returned],
+}
+
+/// A segment of an earlier window, in scope or not, some of whose points were looked at again in a later window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Returned {
+    /// The segment.
+    pub segment_id: SegmentId,
+    /// What the later window says of the points.
+    pub label: i32,
+    /// How many points.
+    pub points: u64,
 }
 
 /// Whether a segment in scope and a label of the window agree to be one; the answer depends on the two alone.
@@ -99,8 +120,10 @@ pub struct EvictedSpan {
     pub raw_ids: Vec<SegmentId>,
     /// The segment id carried over from window to window.
     pub carried_ids: Vec<SegmentId>,
-    /// The segments that went with the span.
+    /// The segments that went with the span, then late joins of segments that had gone already.
     pub segments: Vec<SegmentRow>,
+    /// How many of the rows are late joins.
+    pub late_joins: usize,
     /// Late joins since the last span: an id that has been handed out, and what it has become.
     pub aliases: Vec<[SegmentId; 2]>,
     /// The segments without a seed of the windows woven since the last span.
@@ -127,14 +150,23 @@ impl Default for Weaver {
             previous_first: 0,
             untold: Vec::new(),
             untold_seedless: Vec::new(),
+            late_rows: BTreeSet::new(),
             joins: 0,
         }
     }
 }
 
 impl Weaver {
+    /// A weaver that can join segments after they have gone out of scope, as far as they are remembered.
+    pub fn with_late_joins(out_of_scope: OutOfScope) -> Self {
+        Self { carry: Carry::new(out_of_scope), ..Self::default() }
+    }
+
     /// Weaves the next window; returns the spans that go out of scope, in order.
-    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Vec<EvictedSpan> {
+    ///
+    /// # Errors
+    /// If a segment returns that is not remembered.
+    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Result<Vec<EvictedSpan>> {
         let evicted = self.evict_before(self.previous_first);
         self.previous_first = window.first_span;
         let first_id = self.carry.next_id();
@@ -150,19 +182,59 @@ impl Weaver {
         self.segments.push(window.index, first_id, &last_spans(window), &pairs);
         for row in self.segments.newest_pairs() {
             if let Some(join) = self.carry.join(row.segment_id, row.next_segment_id) {
-                self.aliases.join(join.id, join.becomes);
+                tell(&join, &mut self.aliases, &mut self.untold);
                 self.joins += 1;
-                if join.is_alias {
-                    self.untold.push([join.id, join.becomes]);
-                }
             }
         }
-        evicted
+        for &Returned { segment_id, label, points } in window.returned {
+            self.join_any(segment_id, first_id + SegmentId::from(label), window.index, points)?;
+        }
+        Ok(evicted)
     }
 
     /// Ends the stream: everything left goes out of scope.
     pub fn finish(&mut self) -> Vec<EvictedSpan> {
         self.evict_before(u64::MAX)
+    }
+
+    /// Joins pairs of segments that were found to be one by something else than shared points, with the window that
+    /// brought it to light. They may have gone out of scope, if they are remembered.
+    ///
+    /// # Errors
+    /// If a segment is not known any more.
+    pub fn join_late(&mut self, pairs: &[[SegmentId; 2]], window: u64) -> Result<()> {
+        pairs.iter().try_for_each(|&[a, b]| self.join_any(a, b, window, 0))
+    }
+
+    /// Says anew which segments may be named by a late join when they have gone out of scope.
+    pub fn await_segments(&mut self, ids: &[SegmentId]) {
+        self.carry.await_only(ids);
+    }
+
+    fn join_any(&mut self, a: SegmentId, b: SegmentId, window: u64, shared_points: u64) -> Result<()> {
+        let (segment_id, next_segment_id) = (a.min(b), a.max(b));
+        if segment_id == next_segment_id {
+            return Ok(());
+        }
+        let late = self.carry.join_late(segment_id, next_segment_id)?;
+        late.reopened.into_iter().for_each(|id| self.aliases.reopen(id));
+        if let Some(join) = late.join {
+            tell(&join, &mut self.aliases, &mut self.untold);
+            self.joins += 1;
+        }
+        if let Some(whole) = late.closed {
+            self.aliases.close(&whole);
+        }
+        self.late_rows.insert(SegmentRow { segment_id, next_segment_id, window: window as i64, shared_points });
+        Ok(())
+    }
+
+    /// The rows of late joins whose earlier segment has told its own rows: all older ones have gone.
+    fn told_late_rows(&mut self) -> BTreeSet<SegmentRow> {
+        let first =
+            SegmentRow { segment_id: self.oldest_live_id(), next_segment_id: NONE, window: NONE, shared_points: 0 };
+        let kept = self.late_rows.split_off(&first);
+        std::mem::replace(&mut self.late_rows, kept)
     }
 
     /// Gives the window's labels their segment ids.
@@ -224,7 +296,10 @@ impl Weaver {
             self.spans.pop_front();
             evicted.push(self.evict(span));
         }
-        if !evicted.is_empty() {
+        if let Some(last) = evicted.last_mut() {
+            let late = self.told_late_rows();
+            last.late_joins = late.len();
+            last.segments.extend(late);
             // After the spans have noted where the log stands, so that it is read before them.
             for whole in self.carry.evict_before(self.oldest_live_id()) {
                 self.aliases.close(&whole);
@@ -249,6 +324,7 @@ impl Weaver {
             raw_ids,
             carried_ids,
             segments: self.segments.evict_with(span.index),
+            late_joins: 0,
             aliases: std::mem::take(&mut self.untold),
             seedless: std::mem::take(&mut self.untold_seedless),
             settles_at: self.aliases.len(),
@@ -271,6 +347,13 @@ impl Weaver {
         self.segments.oldest_id().unwrap_or_else(|| self.next_id())
     }
 
+    /// The raw segment id of the point at `position` of a span in scope; none if it has none, or the span is not in scope.
+    pub fn raw_id(&self, span: u64, position: usize) -> Option<SegmentId> {
+        let first = self.spans.front()?.index;
+        let span = self.spans.get(span.checked_sub(first)? as usize)?;
+        self.points.get(span.first_arrival + position as u64).filter(|_| position < span.points)
+    }
+
     /// How many times two segments have become one.
     pub fn joins(&self) -> i64 {
         self.joins
@@ -284,6 +367,14 @@ impl Weaver {
     /// How many segments have an entry in the segment-segment table.
     pub fn live_segments(&self) -> usize {
         self.segments.live()
+    }
+}
+
+/// Notes a join, and tells it to those who hold the larger id already.
+fn tell(join: &Join, aliases: &mut Aliases, untold: &mut Vec<[SegmentId; 2]>) {
+    aliases.join(join.id, join.becomes);
+    if join.is_alias {
+        untold.push([join.id, join.becomes]);
     }
 }
 

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use rustc_hash::FxHashSet;
 
-use super::{Aliases, Carry};
+use super::{Aliases, Carry, OutOfScope};
 use crate::error::{Error, Result};
 use crate::label::{NONE, SegmentId};
 
@@ -28,12 +28,20 @@ pub struct Replay {
     oldest: SegmentId,
     /// The last id that the history gave.
     last: SegmentId,
+    /// Whether segments can be joined after they have gone.
+    is_late: bool,
 }
 
 impl Replay {
     /// Starts before the first part of a history that gave ids from 1 to `last`.
     pub fn new(last: SegmentId) -> Self {
         Self { oldest: 1, last, ..Self::default() }
+    }
+
+    /// The same for a history with late joins: rows of segments that had gone before.
+    #[must_use]
+    pub fn with_late_joins(self) -> Self {
+        Self { carry: Carry::new(OutOfScope::all()), is_late: true, ..self }
     }
 
     /// Takes in one part: the rows of the segments that went out of scope, the segments that hold no seed, and the raw ids
@@ -50,14 +58,14 @@ impl Replay {
             self.check(segment_id)?;
             if next != NONE {
                 self.check(next)?;
-                if let Some(join) = self.carry.join(segment_id, next) {
-                    self.aliases.join(join.id, join.becomes);
-                }
+                self.join(segment_id, next)?;
             }
         }
         for run in ids.chunk_by_mut(|a, b| a == b) {
             if run[0] != NONE {
-                self.check(run[0])?;
+                if run[0] < self.oldest {
+                    return Err(damaged(run[0]));
+                }
                 run.fill(self.carry.hand_out(run[0], run.len()));
             }
         }
@@ -96,12 +104,25 @@ impl Replay {
     }
 
     fn check(&self, segment_id: SegmentId) -> Result<()> {
-        if segment_id >= self.oldest { Ok(()) } else { Err(damaged(segment_id)) }
+        let oldest = if self.is_late { 1 } else { self.oldest };
+        if segment_id >= oldest { Ok(()) } else { Err(damaged(segment_id)) }
+    }
+
+    fn join(&mut self, segment_id: SegmentId, next: SegmentId) -> Result<()> {
+        let late = self.carry.join_late(segment_id, next).map_err(|_| damaged(segment_id))?;
+        late.reopened.into_iter().for_each(|id| self.aliases.reopen(id));
+        if let Some(join) = late.join {
+            self.aliases.join(join.id, join.becomes);
+        }
+        if let Some(whole) = late.closed {
+            self.aliases.close(&whole);
+        }
+        Ok(())
     }
 
     /// Forgets the oldest segments as far as they have gone.
     fn forget(&mut self, rows: &[[SegmentId; 2]]) {
-        for &[segment_id, _] in rows {
+        for &[segment_id, _] in rows.iter().filter(|[segment_id, _]| *segment_id >= self.oldest) {
             self.gone[(segment_id - self.oldest) as usize] = true;
             if !self.seedless.contains(&segment_id) {
                 self.carry.seed(segment_id);

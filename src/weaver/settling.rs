@@ -7,6 +7,8 @@
 
 use std::collections::BTreeMap;
 
+use rustc_hash::FxHashSet;
+
 use super::aliases::Record;
 use super::{Aliases, Selection};
 use crate::error::Result;
@@ -21,12 +23,20 @@ pub struct Settling<'a> {
     block: Vec<[i64; 2]>,
     /// Ids that do not stay what they are.
     becomes: BTreeMap<SegmentId, SegmentId>,
+    /// Wholes that were joined after their next closing.
+    reopened: FxHashSet<SegmentId>,
 }
 
 impl<'a> Settling<'a> {
     /// Starts from the end of the log.
     pub(super) fn new(log: &Aliases, selection: &'a Selection) -> Self {
-        Self { selection, position: log.len(), block: Vec::new(), becomes: BTreeMap::new() }
+        Self {
+            selection,
+            position: log.len(),
+            block: Vec::new(),
+            becomes: BTreeMap::new(),
+            reopened: FxHashSet::default(),
+        }
     }
 
     /// Goes back to `position` of the log it was started from, showing each id that becomes another on the way.
@@ -51,6 +61,11 @@ impl<'a> Settling<'a> {
                     continue;
                 }
                 Record::Join { id, becomes } => (id, self.becomes.get(&becomes).copied().unwrap_or(becomes)),
+                Record::Reopening { id } => {
+                    self.reopened.insert(id);
+                    continue;
+                }
+                Record::Closing(whole) if self.reopened.remove(&whole.id) => continue,
                 Record::Closing(whole) => (whole.id, self.selection.id_of(&whole)),
             };
             if settled != id {

@@ -2,6 +2,7 @@
 // Each test binary uses what it needs of it.
 #![allow(dead_code)]
 
+pub mod circles;
 pub mod delaunay;
 pub mod growing;
 pub mod partition;

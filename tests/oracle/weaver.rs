@@ -78,6 +78,16 @@ impl SequentialWeaver {
         gone
     }
 
+    /// Joins two segments for another reason than a point that they share.
+    pub fn join(&mut self, a: SegmentId, b: SegmentId) {
+        self.pairs.push((a as usize, b as usize));
+    }
+
+    /// The id that the next segment gets.
+    pub fn next_id(&self) -> SegmentId {
+        self.segments + 1
+    }
+
     fn connect(&mut self, before: SegmentId, segment: SegmentId, window: i64) {
         let next = self.segment_segment.get_mut(&before).expect("a segment with a point in scope is in scope");
         next.entry(segment).or_insert((window, 0)).1 += 1;

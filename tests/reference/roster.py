@@ -30,7 +30,7 @@ class Promise(NamedTuple):
 
 
 ROSTER = {
-    "delaunay xyz": Promise(ss.Proximity(1.0), "B", False, 1.0, True),
+    "delaunay xyz": Promise(ss.Proximity(1.0), "B", True, 1.0, True),
     "delaunay xy": Promise(ss.Proximity(0.3, metric="xy"), "A", True, 0.3, True),
     "radius xyz": Promise(ss.Proximity(0.6, graph="radius"), "A", True, 0.6, True),
     "radius xy": Promise(ss.Proximity(0.3, graph="radius", metric="xy"), "A", True, 0.3, True),

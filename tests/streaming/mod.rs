@@ -5,6 +5,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use streamseg::certificate::Certificate;
 use streamseg::crew::Crew;
 use streamseg::lattice::Lattice;
 use streamseg::pipeline::{Outgoing, Pipeline};
@@ -38,6 +39,8 @@ pub struct Outcome {
     pub rows: Vec<SegmentRow>,
     /// Points per span, in the order in which spans came out.
     pub spans: Vec<usize>,
+    /// What the run could prove.
+    pub certificate: Certificate,
 }
 
 /// A chunk of points without attributes.
@@ -72,7 +75,8 @@ pub fn pipeline(points: &[[f64; 3]], lattice: Lattice, segmentor: Arc<dyn Segmen
     pipeline_with(points, &[], lattice, segmentor, run)
 }
 
-fn pipeline_with(
+/// The same with a column for each attribute that the segmentor reads.
+pub fn pipeline_with(
     points: &[[f64; 3]],
     attributes: &[Vec<f64>],
     lattice: Lattice,
@@ -100,13 +104,20 @@ pub fn stream_with(
     segmentor: Arc<dyn Segmentor>,
     run: &Run,
 ) -> Outcome {
-    let mut pipeline = pipeline_with(points, attributes, lattice, segmentor, run);
+    outcome(pipeline_with(points, attributes, lattice, segmentor, run), points.len())
+}
+
+/// Runs a pipeline over so many points to the end.
+///
+/// # Panics
+/// As [`stream`].
+pub fn outcome(mut pipeline: Pipeline, points: usize) -> Outcome {
     let outgoing: Vec<Outgoing> = pipeline.by_ref().map(Result::unwrap).collect();
     assert!(pipeline.next().is_none(), "an exhausted pipeline stays so");
     assert_eq!((pipeline.weaver().live_points(), pipeline.weaver().live_segments()), (0, 0));
 
     let point_ids: Vec<Vec<i64>> = outgoing.iter().map(|out| point_ids(&out.span)).collect();
-    let by_point = |ids: &dyn Fn(usize) -> Vec<i64>| once_each(points.len(), &point_ids, ids);
+    let by_point = |ids: &dyn Fn(usize) -> Vec<i64>| once_each(points, &point_ids, ids);
     let raw = by_point(&|span| outgoing[span].segmented.raw_ids.clone());
     let carried = by_point(&|span| outgoing[span].segmented.carried_ids.clone());
     let (mut resolved_raw, mut resolved_carried) = (raw.clone(), carried.clone());
@@ -118,6 +129,7 @@ pub fn stream_with(
         settled: by_point(&|span| settled[span].clone()),
         rows: outgoing.iter().flat_map(|out| out.segmented.segments.clone()).collect(),
         spans: outgoing.iter().map(|out| out.span.len()).collect(),
+        certificate: pipeline.certificate(),
         raw,
         carried,
         resolved_raw,

@@ -1,4 +1,4 @@
-"""The command line: segment, resolve, info, preview, export, demo."""
+"""The command line: segment, verify, resolve, info, preview, export, demo."""
 
 from .commands import app, main
 

@@ -1,4 +1,4 @@
-"""The command line: segment, resolve, info, preview, export, demo."""
+"""The command line: segment, verify, resolve, info, preview, export, demo."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from ..progress import ProgressBars
 from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
 from .plan import explained
 from .segment import segment
+from .verify import verify
 
 app = typer.Typer(
     name="streamseg",
@@ -32,6 +33,7 @@ app = typer.Typer(
 
 
 app.command()(segment)
+app.command()(verify)
 
 
 class Shade(str, Enum):

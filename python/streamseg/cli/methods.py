@@ -75,11 +75,11 @@ OPTIONS = {
 }
 
 
-def given(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Take the options of methods from the parameters of a command, by their names there."""
-    options = {**OPTIONS, **{option: name for method in METHODS.values() for option, name in method.options.items()}}
-    values = {option: parameters[option.removeprefix("--").replace("-", "_")] for option in options}
-    return {**values, "--search-radius": lengths("--search-radius", parameters["search_radius"])}
+def given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Pick the parameters of segmentors out of all options, which are named as in Python: option → value."""
+    names = dict.fromkeys(option for method in METHODS.values() for option in (*method.options, *OPTIONS))
+    values = {option: options[option.removeprefix("--").replace("-", "_")] for option in names}
+    return {**values, "--search-radius": lengths("--search-radius", values["--search-radius"])}
 
 
 def segmentor(method: str, given: Mapping[str, Any], settings: Iterable[str]) -> Any:

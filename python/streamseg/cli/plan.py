@@ -23,7 +23,9 @@ def explained(file: Path, words: list[str]) -> Iterator[tuple[str, str]]:
     options = _parsed(file, words)
     for name in _CHOSEN:
         if options[name] is not None:
-            raise InvalidParameter(f"--{name.replace('_', '-')} is given with --plan, allowed: none; the plan chooses it")
+            raise InvalidParameter(
+                f"--{name.replace('_', '-')} is given with --plan, allowed: none; the plan chooses it"
+            )
     if options["span_width"] not in (None, "auto"):
         raise InvalidParameter(f"--span-width is '{options['span_width']}' with --plan, allowed: auto, or none")
     segmentor = methods.segmentor(options["method"], methods.given(options), options["settings"] or ())

@@ -116,6 +116,14 @@ def segment(
     ] = None,
     spans: Annotated[int | None, _of(_SPANS, "Spans in a window. [default: 3]", max=MOST)] = None,
     overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
+    revisit: Annotated[
+        bool,
+        typer.Option(
+            "--revisit",
+            help="Look again at earlier points near each window, for clouds that come back to where they were.",
+            rich_help_panel=_SPANS,
+        ),
+    ] = False,
     result: Annotated[Result, typer.Option(help="Which ids are written.")] = Result.final,
     history: Annotated[Path | None, typer.Option(help="Folder for the history of the run.")] = None,
     threads: Annotated[int | None, typer.Option(max=MOST, help="Windows at a time. [default: all cores]")] = None,
@@ -127,33 +135,8 @@ def segment(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
-    given = {
-        "--distance": distance,
-        "--graph": graph,
-        "--metric": metric,
-        "--eps": eps,
-        "--min-points": min_points,
-        "--criterion": criterion,
-        "--search-radius": methods.lengths("--search-radius", search_radius),
-        "--search-mode": search_mode,
-        "--max-distance": max_distance,
-        "--max-sigma": max_sigma,
-        "--tile-size": tile_size,
-        "--seed-calculator": seed_calculator,
-        "--k": k,
-        "--angle": angle,
-        "--curvature": curvature,
-        "--max-curvature": max_curvature,
-        "--residual": residual,
-        "--literal": literal,
-        "--min-size": min_size,
-        "--max-size": max_size,
-        "--filter": filter,
-        "--seed-filter": seed_filter,
-        "--sort": sort,
-        "--normals": normals,
-    }
-    segmentor = methods.segmentor(method, given, settings or ())
+    options = locals()
+    segmentor = methods.segmentor(method, methods.given(options), settings or ())
     if preview is not None:
         check_preview(preview, overwrite, [*inputs, output])
         if output.suffix.lower() == ".npy":
@@ -167,12 +150,13 @@ def segment(
             segmentor,
             preprocess=methods.stages(outliers, lonely, voxel),
             spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
-            window=None if spans is None and overlap is None else Window(spans, overlap),
+            window=_window(spans, overlap),
             max_memory=max_memory,
             history=history,
             result=result.value,
             threads=threads,
             drop_invalid=drop_invalid,
+            revisit=revisit,
             overwrite=overwrite,
             on_read=bars.on_read,
             on_progress=bars.on_progress,
@@ -250,6 +234,10 @@ def _spans(
     return SpanByWidth(width, azimuth)
 
 
+def _window(spans: int | None, overlap: int | None) -> Window | None:
+    return None if spans is None and overlap is None else Window(spans, overlap)
+
+
 def _width(text: str) -> float:
     try:
         return float(text)
@@ -263,6 +251,9 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
         f"{outcome.windows:,} windows; {outcome.promise}"
     )
+    if outcome.certificate != (0,) * len(outcome.certificate):
+        proven = "; equal to the static result, proven" if outcome.is_proven else ""
+        typer.echo(f"certificate: {outcome.certificate}{proven}")
     if outcome.aliases:
         where = f"they are in {history / 'alias'}" if history else "--history keeps them, --result final applies them"
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")

@@ -11,7 +11,7 @@ use spade::handles::{DirectedEdgeHandle, FixedFaceHandle, InnerTag, VertexHandle
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 type Triangles = DelaunayTriangulation<Point2<f64>>;
-type Face = FixedFaceHandle<InnerTag>;
+pub(super) type Face = FixedFaceHandle<InnerTag>;
 type Edge<'a> = DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>;
 type Vertex<'a> = VertexHandle<'a, Point2<f64>>;
 
@@ -19,8 +19,8 @@ type Vertex<'a> = VertexHandle<'a, Point2<f64>>;
 pub(super) struct Group {
     /// Their numbers as vertices of the triangulation, ascending.
     pub(super) vertices: Vec<usize>,
-    /// Three of the places.
-    pub(super) corners: [[f64; 2]; 3],
+    /// The number of one of their triangles.
+    pub(super) face: usize,
 }
 
 /// The groups of four and more places on one empty circle, but for those in which `is_settled` holds for the four vertices
@@ -57,16 +57,16 @@ fn group(triangulation: &Triangles, faces: &[Face]) -> Group {
     let mut vertices: Vec<usize> = faces.iter().flat_map(corners).map(|vertex| vertex.index()).collect();
     vertices.sort_unstable();
     vertices.dedup();
-    Group { vertices, corners: corners(&faces[0]).map(|vertex| [vertex.position().x, vertex.position().y]) }
+    Group { vertices, face: faces[0].index() }
 }
 
 /// The ends of an edge and the far corners of the triangles to its left and right; none on the hull.
-fn corners(edge: Edge<'_>) -> Option<[Vertex<'_>; 4]> {
+pub(super) fn corners(edge: Edge<'_>) -> Option<[Vertex<'_>; 4]> {
     let [from, to] = edge.vertices();
     Some([from, to, edge.opposite_vertex()?, edge.rev().opposite_vertex()?])
 }
 
-fn is_one_circle(corners: [Vertex<'_>; 4]) -> bool {
+pub(super) fn is_one_circle(corners: [Vertex<'_>; 4]) -> bool {
     let [a, b, c, d] = corners.map(|corner| Coord { x: corner.position().x, y: corner.position().y });
     incircle(a, b, c, d) == 0.0
 }

@@ -12,16 +12,19 @@
 //! are chosen not to lie on one line.
 
 mod cocircular;
+mod finality;
 
+use std::cmp::Ordering;
 use std::ops::Range;
 
-use robust::{Coord, orient2d};
+use robust::{Coord, incircle, orient2d};
 use spade::handles::DirectedEdgeHandle;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::curve::curve_order;
 use super::loaded::Loaded;
 use cocircular::groups;
+pub use finality::Finality;
 
 /// Which points of a window share a place on the map, and which places are Delaunay neighbors.
 pub struct Delaunay {
@@ -103,8 +106,55 @@ impl Delaunay {
         for group in groups(triangulation, |vertices| is_settled(vertices.map(stack))) {
             for (i, &a) in group.vertices.iter().enumerate() {
                 for &b in &group.vertices[..i] {
-                    visit(stack(a), stack(b), Edge::OfCircle(group.corners));
+                    visit(stack(a), stack(b), Edge::OfCircle(group.face));
                 }
+            }
+        }
+    }
+
+    /// What of the neighborhood stays as it is, as far as everything in `loaded` has been loaded.
+    pub fn finality(&self, loaded: Loaded) -> Finality {
+        match &self.edges {
+            Edges::Line(_) => Finality::of_line(loaded),
+            Edges::Triangles { triangulation, .. } => Finality::of_triangles(triangulation, loaded),
+        }
+    }
+
+    /// Calls `visit` for every stack that may get further neighbors from outside of what was loaded.
+    pub fn for_each_open_stack(&self, finality: &Finality, mut visit: impl FnMut(Range<usize>)) {
+        match &self.edges {
+            Edges::Line(line) if !finality.loaded.is_everything() => {
+                for &(stack, _) in line {
+                    visit(self.stack(stack));
+                }
+            }
+            Edges::Line(_) => {}
+            Edges::Triangles { triangulation, first } => {
+                finality.for_each_open_vertex(triangulation, |vertex| visit(self.stack(stack_of(vertex, *first))));
+            }
+        }
+    }
+
+    /// The edge between two places; none if they are no neighbors, or there is nothing at one of them.
+    pub fn edge_between(&self, p: [f64; 2], q: [f64; 2]) -> Option<Edge<'_>> {
+        match &self.edges {
+            Edges::Line(line) => {
+                let at = |place: [f64; 2]| line.binary_search_by(|(_, other)| along_axes(other, &place)).ok();
+                (at(p)?.abs_diff(at(q)?) == 1).then_some(Edge::OfLine(p, q))
+            }
+            Edges::Triangles { triangulation, .. } => {
+                let [from, to] = [p, q].map(|[x, y]| triangulation.locate_vertex(Point2::new(x, y)));
+                let (from, to) = (from?, to?);
+                let edge = from.out_edges().find(|edge| edge.to() == to).map(Edge::OfTriangles);
+                edge.or_else(|| {
+                    let coord = |point: Point2<f64>| Coord { x: point.x, y: point.y };
+                    let mut faces = from.out_edges().filter_map(|edge| edge.face().as_inner());
+                    let circle = faces.find(|face| {
+                        let [a, b, c] = face.positions().map(coord);
+                        incircle(a, b, c, coord(to.position())) == 0.0
+                    });
+                    circle.map(|face| Edge::OfCircle(face.index()))
+                })
             }
         }
     }
@@ -114,23 +164,28 @@ impl Delaunay {
 pub enum Edge<'a> {
     /// An edge between consecutive places of a line.
     OfLine([f64; 2], [f64; 2]),
-    /// An edge between two of at least four places on one empty circle through these.
-    OfCircle([[f64; 2]; 3]),
+    /// An edge between two of at least four places on the circumcircle of this triangle.
+    OfCircle(usize),
     /// An edge between two triangles, or on the hull.
     OfTriangles(DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>),
 }
 
 impl Edge<'_> {
     /// Whether the edge stays an edge whatever points come from outside of what was loaded.
-    pub fn is_final(&self, loaded: &Loaded) -> bool {
+    pub fn is_final(&self, finality: &Finality) -> bool {
         match self {
-            Edge::OfLine(from, to) => loaded.proves(*from, *to, None, None),
-            Edge::OfCircle(corners) => loaded.holds_circle(corners),
+            Edge::OfLine(from, to) => finality.loaded.proves(*from, *to, None, None),
+            Edge::OfCircle(face) => finality.of_face(*face),
             Edge::OfTriangles(edge) => {
-                let place = |point: Point2<f64>| [point.x, point.y];
-                let [from, to] = edge.positions().map(place);
-                let (left, right) = (edge.opposite_position(), edge.rev().opposite_position());
-                loaded.proves(from, to, left.map(place), right.map(place))
+                let of_side = |edge: &DirectedEdgeHandle<'_, Point2<f64>, (), (), ()>| {
+                    edge.face().as_inner().is_some_and(|face| finality.of_face(face.index()))
+                };
+                of_side(edge) || of_side(&edge.rev()) || {
+                    let place = |point: Point2<f64>| [point.x, point.y];
+                    let [from, to] = edge.positions().map(place);
+                    let (left, right) = (edge.opposite_position(), edge.rev().opposite_position());
+                    finality.loaded.proves(from, to, left.map(place), right.map(place))
+                }
             }
         }
     }
@@ -156,8 +211,12 @@ fn corner(stacks: &[[f64; 2]]) -> Option<u32> {
 /// Stacks on one line, sorted along it.
 fn along_line(stacks: &[[f64; 2]]) -> Vec<(u32, [f64; 2])> {
     let mut line: Vec<(u32, [f64; 2])> = (0..).zip(stacks.iter().copied()).collect();
-    line.sort_unstable_by(|(_, p), (_, q)| p[0].total_cmp(&q[0]).then_with(|| p[1].total_cmp(&q[1])));
+    line.sort_unstable_by(|(_, p), (_, q)| along_axes(p, q));
     line
+}
+
+fn along_axes(p: &[f64; 2], q: &[f64; 2]) -> Ordering {
+    p[0].total_cmp(&q[0]).then_with(|| p[1].total_cmp(&q[1]))
 }
 
 fn triangulate(stacks: &[[f64; 2]], corner: u32) -> Edges {

@@ -54,6 +54,12 @@ impl PyRecipe {
         let reads = segmentor.reads();
         Ok(Self { segmentor, reads })
     }
+
+    /// Whether more points can only join more.
+    #[getter]
+    fn is_monotone(&self) -> bool {
+        self.segmentor.exactness().is_monotone()
+    }
 }
 
 /// The segmentor itself if there is nothing to prepare.

@@ -11,21 +11,28 @@
 //!
 //! With the xy metric the result is that of the 2-D radius graph, because the Euclidean minimum spanning tree is part of
 //! every Delaunay triangulation; so any window that holds a pair decides it rightly. With lengths in space on the
-//! triangulation of the map it is a segmentation of its own, which splits more: roofs from ground.
+//! triangulation of the map it is a segmentation of its own, which splits more: roofs from ground. There an edge counts only
+//! if a circle proves it that lies inside what the window has loaded; what is left open at its borders ([`Frontier`]) is
+//! decided from window to window.
+//!
+//! [`Frontier`]: crate::front::Frontier
 //!
 //! The radius graph joins all pairs within the distance (Euclidean clustering: Rusu 2009). It needs no triangulation, and
 //! any window that holds a pair decides it rightly under either metric.
 
-use std::ops::Range;
+mod borders;
+mod joined;
 
 use super::{Exactness, Segmented, Segmentor};
+use crate::certificate::Tally;
 use crate::error::{Result, positive};
 use crate::label::Labels;
 use crate::lattice::{Metric, Within};
-use crate::neighborhood::{Delaunay, Grid, Loaded, Search};
-use crate::span::Extent;
+use crate::neighborhood::{Delaunay, Edge, Grid, Search};
 use crate::union_find::UnionFind;
 use crate::window::Window;
+use borders::{frontier, loaded};
+use joined::Joined;
 
 /// Which pairs of points are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -96,11 +103,10 @@ impl Segmentor for Proximity {
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
-        let labels = match self.graph {
+        Ok(match self.graph {
             Graph::Delaunay => self.segment_triangulation(window),
-            Graph::Radius => self.segment_pairs(window),
-        };
-        Ok(labels.into())
+            Graph::Radius => self.segment_pairs(window).into(),
+        })
     }
 }
 
@@ -116,46 +122,48 @@ impl Proximity {
         Labels::from_representatives(sets.into_representatives().into_iter(), points.len())
     }
 
-    fn segment_triangulation(&self, window: &Window) -> Labels {
+    fn segment_triangulation(&self, window: &Window) -> Segmented {
         let points = window.points();
         let horizontal: Vec<[f64; 2]> = points.iter().map(|point| window.lattice().horizontal(point)).collect();
         let neighbors = Delaunay::new(&horizontal, |i| points[i as usize][2]);
         drop(horizontal);
-        let mut joined = Joined {
-            // In the order of the neighborhood, near points are near in memory.
-            points: neighbors.order().iter().map(|&i| points[i as usize]).collect(),
-            sets: UnionFind::new(points.len()),
-            within: Within::new(self.distance, self.metric, window.lattice()),
-            flat: self.metric == Metric::Xy,
-        };
+        // In the order of the neighborhood, near points are near in memory.
+        let ordered = neighbors.order().iter().map(|&i| points[i as usize]).collect();
+        let mut joined = Joined::new(ordered, Within::new(self.distance, self.metric, window.lattice()));
         for stack in neighbors.stacks() {
             joined.join_stack(stack);
         }
-        // With lengths on the map any window that holds a pair decides it rightly.
-        let loaded = window.extent().filter(|_| self.metric == Metric::Xyz);
-        let loaded = loaded.map(|Extent { direction, low, high, .. }| Loaded { direction, low, high });
-        neighbors.for_each_edge(|a, b, edge| {
-            if loaded.is_none_or(|loaded| edge.is_final(&loaded)) {
-                joined.join_neighbors(a, b);
+        match self.metric {
+            Metric::Xy => {
+                neighbors.for_each_edge(|a, b, _| joined.join_on_the_map(a, b));
+                labels(&joined.into_representatives(), neighbors.order()).into()
             }
-        });
-        // On the map any choice of edges gives the same components; in space the canonical graph is what is meant.
-        if self.metric == Metric::Xyz {
-            let mut pairs = Vec::new();
-            neighbors.for_each_cocircular_pair(
-                |stacks| joined.are_one(stacks),
-                |a, b, edge| {
-                    if loaded.is_none_or(|loaded| edge.is_final(&loaded)) {
-                        pairs.push([a, b]);
-                    }
-                },
-            );
-            for [a, b] in pairs {
-                joined.join_neighbors(a, b);
-            }
+            Metric::Xyz => in_space(window, &neighbors, joined),
         }
-        labels(&joined.sets.into_representatives(), neighbors.order())
     }
+}
+
+/// Joins what the canonical graph joins, as far as the window can know it; the rest is left to the front.
+fn in_space(window: &Window, neighbors: &Delaunay, mut joined: Joined) -> Segmented {
+    // Where spans are cut in stream order nothing is known of what else may come.
+    let finality = loaded(window).map(|loaded| neighbors.finality(loaded));
+    let is_final = |edge: &Edge<'_>| finality.as_ref().is_none_or(|finality| edge.is_final(finality));
+    neighbors.for_each_edge(|a, b, edge| joined.decide(a, b, || is_final(&edge)));
+    // Only now: most of the places on a circle are one segment already, and then there is nothing to be decided.
+    let mut on_circles = Vec::new();
+    neighbors.for_each_cocircular_pair(
+        |stacks| joined.are_one(stacks),
+        |a, b, edge| on_circles.push((a, b, is_final(&edge))),
+    );
+    for (a, b, is_final) in on_circles {
+        joined.decide_again(a, b, is_final);
+    }
+    let (decided, open) = joined.decisions();
+    let labels = labels(&joined.into_representatives(), neighbors.order());
+    let Some(finality) = finality else { return labels.into() };
+    let frontier = frontier(window, neighbors, &finality, open, &labels);
+    let tally = Tally { decided_edges: decided, waiting_edges: frontier.edges.len() as u64, ..Tally::default() };
+    Segmented { frontier: Some(frontier), tally, ..labels.into() }
 }
 
 /// Labels in window order from representatives in neighborhood order.
@@ -165,62 +173,4 @@ fn labels(representatives: &[u32], order: &[u32]) -> Labels {
         of_point[point as usize] = representative;
     }
     Labels::from_representatives(of_point.into_iter(), order.len())
-}
-
-/// The points in neighborhood order, and which of them are one segment.
-struct Joined {
-    points: Vec<[f64; 3]>,
-    sets: UnionFind,
-    within: Within,
-    flat: bool,
-}
-
-impl Joined {
-    /// Joins the points of a stack. They are in order of height, so consecutive pairs are enough.
-    fn join_stack(&mut self, stack: Range<usize>) {
-        for upper in stack.start + 1..stack.end {
-            self.join_pair(upper - 1, upper);
-        }
-    }
-
-    #[inline]
-    fn join_pair(&mut self, a: usize, b: usize) {
-        if self.within.pair(&self.points[a], &self.points[b]) {
-            self.sets.union(a as u32, b as u32);
-        }
-    }
-
-    /// Whether all points of the stacks are one segment.
-    fn are_one(&mut self, stacks: [Range<usize>; 4]) -> bool {
-        let first = stacks[0].start as u32;
-        stacks.into_iter().flatten().all(|point| self.sets.same(first, point as u32))
-    }
-
-    /// Joins the points of two neighboring stacks.
-    #[inline]
-    fn join_neighbors(&mut self, a: Range<usize>, b: Range<usize>) {
-        if self.flat || (a.len() == 1 && b.len() == 1) {
-            self.join_pair(a.start, b.start);
-        } else {
-            self.join_tall(a, b);
-        }
-    }
-
-    /// Joins each point of `a` with the nearest of `b` above and below it. Those of `b` beyond them on the same side
-    /// and within the distance of it are within the distance of each other, and so are joined already.
-    fn join_tall(&mut self, a: Range<usize>, b: Range<usize>) {
-        let mut above = b.start;
-        for point in a {
-            let height = self.points[point][2];
-            while above < b.end && self.points[above][2] < height {
-                above += 1;
-            }
-            if above < b.end {
-                self.join_pair(point, above);
-            }
-            if above > b.start {
-                self.join_pair(point, above - 1);
-            }
-        }
-    }
 }

@@ -1,0 +1,152 @@
+//! Points that have gone out of scope, on disk, to be found again by where they are.
+//!
+//! An `SQLite` database without a name: it lives in its cache until that is full, then in a temporary file that nobody else
+//! sees and that is gone when it is closed, or when the process ends. Nothing is ever committed, for there is nothing to be
+//! kept safe.
+
+use std::io;
+
+use rusqlite::{Connection, params};
+
+use super::raster::Cell;
+use crate::error::{Error, Result};
+use crate::label::SegmentId;
+
+/// Pages of 16 KB suit blobs of some KB; 16 MB of them are kept in memory.
+const SET_UP: &str = "
+    PRAGMA page_size = 16384;
+    PRAGMA journal_mode = OFF;
+    PRAGMA synchronous = OFF;
+    PRAGMA temp_store = FILE;
+    PRAGMA cache_size = -16384;
+    CREATE TABLE stored (row INTEGER, col INTEGER, span INTEGER, points BLOB, PRIMARY KEY (row, col, span));
+    BEGIN;
+";
+
+/// What is stored of a point beside its attributes, in words of 8 bytes: its id, its segment, its position.
+const WORDS: usize = 5;
+
+/// Some points of one span in one block of the map.
+#[derive(Debug, Default, Clone, PartialEq)]
+pub(super) struct Stored {
+    pub point_ids: Vec<i64>,
+    pub raw_ids: Vec<SegmentId>,
+    pub points: Vec<[f64; 3]>,
+    pub attributes: Vec<Vec<f64>>,
+}
+
+/// The store.
+pub(super) struct Store {
+    database: Connection,
+    /// How many attributes a point has.
+    attributes: usize,
+    packed: Vec<u8>,
+}
+
+impl Store {
+    /// An empty store.
+    pub fn new() -> Result<Self> {
+        let open = || {
+            let database = Connection::open("")?;
+            database.execute_batch(SET_UP)?;
+            Ok(database)
+        };
+        Ok(Self { database: open().map_err(|e| failed("written", e))?, attributes: 0, packed: Vec::new() })
+    }
+
+    /// Stores the points of a span that lie in a block; spans and attributes are the same for all.
+    pub fn put(&mut self, block: Cell, span: u64, stored: &Stored) -> Result<()> {
+        self.attributes = stored.attributes.len();
+        self.packed.clear();
+        self.packed.extend_from_slice(bytemuck::cast_slice(&stored.point_ids));
+        self.packed.extend_from_slice(bytemuck::cast_slice(&stored.raw_ids));
+        self.packed.extend_from_slice(bytemuck::cast_slice(&stored.points));
+        for values in &stored.attributes {
+            self.packed.extend_from_slice(bytemuck::cast_slice(values));
+        }
+        let insert = || {
+            let mut insert = self.database.prepare_cached("INSERT INTO stored VALUES (?, ?, ?, ?)")?;
+            insert.execute(params![block.row, block.column, span as i64, self.packed])
+        };
+        insert().map(drop).map_err(|e| failed("written", e))
+    }
+
+    /// Shows what is stored of a block, of the spans from `first` up to `end`, in the order of the spans, as long as `show`
+    /// asks for more. The answer is the span after the last one shown; none if all were shown.
+    pub fn each(&self, block: Cell, first: u64, end: u64, mut show: impl FnMut(Stored) -> bool) -> Result<Option<u64>> {
+        let mut each = || {
+            let mut select = self.database.prepare_cached(
+                "SELECT span, points FROM stored WHERE row = ? AND col = ? AND span >= ? AND span < ? ORDER BY span",
+            )?;
+            let mut rows = select.query(params![block.row, block.column, first as i64, end as i64])?;
+            while let Some(row) = rows.next()? {
+                let span: i64 = row.get(0)?;
+                if !show(unpack(row.get_ref(1)?.as_blob()?, self.attributes)) {
+                    return Ok(Some(span as u64 + 1));
+                }
+            }
+            Ok(None)
+        };
+        each().map_err(|e| failed("read", e))
+    }
+}
+
+fn unpack(packed: &[u8], attributes: usize) -> Stored {
+    let points = packed.len() / (size_of::<u64>() * (WORDS + attributes));
+    let mut rest = packed;
+    let mut take = |words: usize| {
+        let (bytes, others) = rest.split_at(words * points * size_of::<u64>());
+        rest = others;
+        bytes
+    };
+    Stored {
+        point_ids: bytemuck::pod_collect_to_vec(take(1)),
+        raw_ids: bytemuck::pod_collect_to_vec(take(1)),
+        points: bytemuck::pod_collect_to_vec(take(3)),
+        attributes: (0..attributes).map(|_| bytemuck::pod_collect_to_vec(take(1))).collect(),
+    }
+}
+
+fn failed(doing: &'static str, cause: rusqlite::Error) -> Error {
+    Error::spool(doing, io::Error::other(cause))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stored(first: i64, points: i64) -> Stored {
+        let ids = first..first + points;
+        Stored {
+            point_ids: ids.clone().collect(),
+            raw_ids: ids.clone().map(|id| id % 3 - 1).collect(),
+            points: ids.clone().map(|id| [id as f64, -0.0, f64::MIN_POSITIVE]).collect(),
+            attributes: vec![ids.map(|id| id as f64 / 7.0).collect()],
+        }
+    }
+
+    #[test]
+    fn what_is_stored_comes_back_to_the_last_bit_in_the_order_of_spans() {
+        let mut store = Store::new().unwrap();
+        let block = Cell { row: -4, column: 1 << 50 };
+        // More than the cache holds.
+        for span in (0..300u64).rev() {
+            store.put(block, span, &stored(span as i64 * 10_000, span as i64 * 10)).unwrap();
+            store.put(Cell { row: -4, column: 0 }, span, &stored(0, 2000)).unwrap();
+        }
+        let mut span = 7;
+        let rest = store.each(block, span, 200, |found| {
+            assert_eq!(found, stored(span as i64 * 10_000, span as i64 * 10));
+            span += 1;
+            true
+        });
+        assert_eq!((rest.unwrap(), span), (None, 200));
+        let mut shown = 0;
+        let stopped = store.each(block, 290, 300, |_| {
+            shown += 1;
+            shown < 3
+        });
+        assert_eq!(stopped.unwrap(), Some(293));
+        assert_eq!(store.each(Cell { row: 0, column: 0 }, 0, 300, |_| panic!("there is nothing")).unwrap(), None);
+    }
+}
