@@ -36,8 +36,10 @@ pub struct Certificate {
     pub undecided_points: u64,
     /// Points of earlier windows brought back to be looked at again; a point counts each time.
     pub returned_points: u64,
-    /// Points that were kept on disk until their surroundings had come.
+    /// Points that were kept until their surroundings had come, beyond the span in which they came.
     pub waited_points: u64,
+    /// How many points waited at the same time, at the most.
+    pub most_waiting: u64,
     /// Points decided though more of the cloud could still come to where they are.
     pub early_decisions: u64,
 }

@@ -84,6 +84,14 @@ pub enum Error {
         /// The slab the point lies in.
         to: i64,
     },
+    /// A source that is read twice brought other points at the second time.
+    #[error(
+        "the source has changed since its points were counted: {difference}; it has to stay as it is while it is read twice"
+    )]
+    Changed {
+        /// What is not as it was.
+        difference: String,
+    },
     /// A criterion, filter or calculator cannot be understood or used.
     #[error("{kind}, column {column}: {problem}\n{picture}")]
     Expression {

@@ -56,8 +56,11 @@ random = np.random.default_rng(0)
 if sys.argv[1] == "settlement":
     spans = (random.random((5000, 3)) * [10, 1000, 0] + [10 * i, 0, 0] for i in range(30))
     run = ss.stream(spans, ss.Proximity(1.0), result="final")
-else:
+elif sys.argv[1] == "slabs":
     run = ss.stream(random.random((2_000_000, 3)) * 1000, ss.Proximity(1.0), spans=ss.SpanByWidth(20.0))
+else:
+    points = random.random((1_000_000, 3)) * 1000
+    run = ss.stream(points, ss.Dbscan(1.0), spans=ss.SpanByCount(50_000), revisit=True)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, resource.RLIM_INFINITY))
 for _ in range(2):
     try:
@@ -69,7 +72,7 @@ for _ in range(2):
 """
 
 
-@pytest.mark.parametrize("what", ["settlement", "slabs"])
+@pytest.mark.parametrize("what", ["settlement", "slabs", "slabs that wait"])
 def test_a_spool_that_cannot_be_written_is_told_once(what: str) -> None:
     told, ended = outputs(SPOOL, what)
     assert told.startswith("the spool in ")

@@ -27,6 +27,7 @@ __all__ = [
     "Segmentor",
     "SettledSpan",
     "Settlement",
+    "SlabCounts",
     "Span",
     "SpanByCount",
     "SpanByScanLine",
@@ -211,6 +212,8 @@ class Recipe:
     def reads(self) -> list[str]: ...
     @property
     def is_monotone(self) -> bool: ...
+    @property
+    def is_bounded(self) -> bool: ...
 
 _Statistics = tuple[int, float, float] | tuple[int, float, float, tuple[float, float]]
 _Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
@@ -462,6 +465,7 @@ class Pipeline:
         threads: int,
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
+        counts: SlabCounts | None = None,
         min_segment_size: int = 1,
         max_segment_size: int | None = None,
         sort: str = "native",
@@ -491,8 +495,27 @@ class Pipeline:
     def resolve(self, ids: _Ids, limits: bool) -> _Ids: ...
     def settle(self, settlement: Settlement) -> tuple[int, int, int]: ...
     def progress(self) -> _Progress: ...
-    def certificate(self) -> tuple[int, int, int, int, int, int, int]: ...
+    def certificate(self) -> tuple[int, int, int, int, int, int, int, int]: ...
     def live_entries(self) -> tuple[int, int]: ...
+
+@final
+class SlabCounts:
+    def __new__(
+        cls,
+        chunks: _Chunks,
+        width: float,
+        *,
+        scale: _Triple | None,
+        offset: _Triple | None,
+        drop_invalid: bool,
+        on_progress: Callable[[_Progress], None] | None,
+    ) -> SlabCounts: ...
+    @property
+    def spans(self) -> SpanByWidth: ...
+    @property
+    def points(self) -> int: ...
+    @property
+    def most_waiting(self) -> int: ...
 
 @final
 class Settlement:

@@ -91,7 +91,7 @@ def preprocess(
     opened = laid_out(open_source(source, attributes), spans)
     ready = prepare(stages, opened, threads=threads, drop_invalid=drop_invalid)
     if spans is None and opened.stored:
-        spans, _ = _spans_of(opened, 2 * _finite(_halo_of(ready)))
+        spans, _ = spans_for(opened, 2 * _finite(_halo_of(ready)))
     core = Thinning(
         opened.chunks(needed_by(spans)),
         ready,
@@ -173,7 +173,7 @@ def _measured(
             f"{stage!r} comes after a stage with running statistics, so the whole cloud cannot be measured beforehand; "
             "use the same statistics for both"
         )
-    spans, width = _spans_of(source, halo)
+    spans, width = spans_for(source, halo)
     statistics = _measure(
         lambda: source.chunks(()),
         stage,
@@ -187,7 +187,7 @@ def _measured(
     return StatisticalOutlierRemoval(stage.k, stage.multiplier, stage.dialect, statistics)
 
 
-def _spans_of(source: Source, at_least: float) -> tuple[SpanByWidth, float]:
+def spans_for(source: Source, at_least: float) -> tuple[SpanByWidth, float]:
     """Spans for a stored cloud with some 200 000 points each, along its longer side, and their width."""
     count, size, thinning, sample = 0, 0, 1, [np.zeros((0, 2))]
     for points, _ in source.chunks(()):

@@ -9,11 +9,23 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ._core import Pipeline, Plan, Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ._core import (
+    Pipeline,
+    Plan,
+    Recipe,
+    SlabCounts,
+    SpanByCount,
+    SpanByScanLine,
+    SpanByTime,
+    SpanByWidth,
+    Window,
+    default_spans,
+)
 from .errors import InvalidParameter, warn
+from .finalization import slabs_for
 from .history import HistoryWriter
 from .plan import MaxMemory, Stages, planned, recipe_for
-from .source import Attributes, PathLike, Source, as_stored, laid_out, needed_by, open_source
+from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
 from .stream import RESULTS, Ids, Progress, Result, Stream
 
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
@@ -80,9 +92,12 @@ def stream(
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.
     revisit : bool, default False
-        For streams that come back to where they were: keep points that have gone out of scope in a store on disk, and
-        look again at those within reach of a new window, so that the same object is found once. Has no effect where
-        spans by width hold all that they need anyway. Needs a segmentor with a distance or search radius.
+        For streams that come back to where they have been, so that the same object is found once. Where more points can
+        only join more, points that have gone out of scope are kept in a store on disk, and those within reach of a new
+        window are looked at again with it. Otherwise decisions about a stored cloud wait until their surroundings have
+        come: points are counted in a pass of their own, wait on disk where they are many, and come out slab by slab.
+        Has no effect where spans by width hold all that they need anyway. Needs a segmentor with a distance or search
+        radius.
     on_progress : function of a Progress, optional
         Called at least once a window. An exception it raises interrupts the run, which can then go on, or be stopped.
     with_points : bool, default True
@@ -115,19 +130,32 @@ def stream(
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
     is_planned = _is_planned(spans, window, max_memory)
-    opened = laid_out(open_source(source, attributes), spans)
-    opened = as_stored(opened) if is_planned else opened
+    opened = laid_out(open_source(source, attributes), spans, read_twice=revisit or is_planned)
     recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
     if is_planned:
         spans = planned(opened, recipe, max_memory, drop_invalid=drop_invalid, with_history=history is not None)
-    elif spans is None and opened.stored:
+    elif spans is None and opened.stored and not opened.can_be_stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
     if isinstance(spans, Plan):
         window, threads = spans.window, min(threads or cores(), spans.at_a_time)
         if spans.warning:
             warn(spans.warning)
-    # A finite source and a relation that a later point can undo: this is where decisions could wait for it.
-    core = _pipeline(opened, segmentor, recipe, spans, window or Window(), threads, drop_invalid, on_progress, revisit)
+    slabs, counts = spans, None
+    waits = revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, (SpanByWidth, Plan))
+    if waits:
+        slabs, counts = slabs_for(opened, recipe, drop_invalid=drop_invalid, on_progress=_named(on_progress))
+    core = _pipeline(
+        opened,
+        segmentor,
+        recipe,
+        slabs if counts is None else spans,
+        window or Window(),
+        threads,
+        drop_invalid,
+        on_progress,
+        revisit=revisit and not waits,
+        counts=counts,
+    )
     if core.sort != "native" and result != "final":
         raise InvalidParameter(
             f"sort is {core.sort!r} with result={result!r}, allowed: with result='final', "
@@ -142,7 +170,7 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
-            **({"revisit": True} if revisit else {}),
+            **({"revisit": True, "slabs": repr(slabs)} if waits else {"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
@@ -165,6 +193,11 @@ def _is_planned(spans: Any, window: Window | None, max_memory: MaxMemory | None)
     return is_auto
 
 
+def _named(on_progress: Callable[[Progress], None] | None) -> Callable[[tuple[Any, ...]], None] | None:
+    """Give the numbers of the core their names."""
+    return None if on_progress is None else lambda progress: on_progress(Progress(*progress))
+
+
 def _pipeline(
     source: Source,
     segmentor: Any,
@@ -175,6 +208,7 @@ def _pipeline(
     drop_invalid: bool,
     on_progress: Callable[[Progress], None] | None,
     revisit: bool = False,
+    counts: SlabCounts | None = None,
 ) -> Pipeline:
     if threads is None:
         threads = cores() if source.stored else 1
@@ -190,8 +224,9 @@ def _pipeline(
         offset=source.offset,
         threads=threads,
         drop_invalid=drop_invalid,
-        on_progress=None if on_progress is None else lambda progress: on_progress(Progress(*progress)),
+        on_progress=_named(on_progress),
         revisit=revisit,
+        counts=counts,
         **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
     )
 

@@ -77,9 +77,10 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     )
 
 
-def laid_out(source: Source, spans: Spans) -> Source:
+def laid_out(source: Source, spans: Spans, *, read_twice: bool = False) -> Source:
     """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
-    return as_stored(source) if isinstance(spans, (SpanByWidth, Plan)) else source
+    is_needed = read_twice or isinstance(spans, (SpanByWidth, Plan))
+    return as_stored(source) if is_needed else source
 
 
 def as_stored(source: Source) -> Source:

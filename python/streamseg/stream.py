@@ -58,9 +58,11 @@ class Certificate(NamedTuple):
     returned_points: int
     """Points of earlier windows brought back to be looked at again; a point counts each time."""
     waited_points: int
-    """Points kept on disk until their surroundings had come."""
+    """Points kept until their surroundings had come, beyond the span in which they came."""
     early_decisions: int
     """Points decided though more of the cloud could still come to where they are."""
+    most_waiting: int
+    """Points that waited at the same time, at the most."""
 
     @property
     def is_complete(self) -> bool:
@@ -83,7 +85,7 @@ class Certificate(NamedTuple):
             (
                 self.early_decisions,
                 "points were decided though more of the cloud could still come to where they are; "
-                "only of a file or an array is known what is still to come",
+                "use spans by width, or revisit=True with a file or an array",
             ),
         )
         return tuple(f"{count:,} {sentence}" for count, sentence in kinds if count)
@@ -95,7 +97,7 @@ class Certificate(NamedTuple):
             (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
             (points, f"{self.undecided_points:,} of {points:,} points undecided"),
             (self.returned_points, f"{self.returned_points:,} points returned"),
-            (self.waited_points, f"{self.waited_points:,} points waited"),
+            (self.waited_points, f"{self.waited_points:,} points waited, {self.most_waiting:,} at a time"),
             (self.early_decisions, f"{self.early_decisions:,} early decisions"),
         )
         return ", ".join(told for count, told in counts if count) or "nothing to count"

@@ -23,6 +23,7 @@ impl From<Error> for PyErr {
             }
             Error::NotFinite { .. }
             | Error::NotSorted { .. }
+            | Error::Changed { .. }
             | Error::Attribute { .. }
             | Error::UnknownAttribute { .. }
             | Error::DamagedHistory { .. } => InvalidInput::new_err(message),

@@ -6,6 +6,7 @@
 mod arrays;
 mod errors;
 mod features;
+mod finalization;
 mod history;
 mod plan;
 mod preprocessing;
@@ -29,6 +30,8 @@ mod _core {
 
     #[pymodule_export]
     use super::features::_features;
+    #[pymodule_export]
+    use super::finalization::PySlabCounts;
     #[pymodule_export]
     use super::history::PyReplay;
     #[pymodule_export]

@@ -50,8 +50,7 @@ impl PySpanByWidth {
     #[new]
     #[pyo3(signature = (width, direction = None))]
     fn new(width: f64, direction: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let direction = direction.map_or(Ok(Direction::X), parse_direction)?;
-        Ok(Self { by: valid(SpanBy::Width { width, direction })?, width })
+        Ok(Self::of(width, direction.map_or(Ok(Direction::X), parse_direction)?)?)
     }
 
     /// "x", "y" or an azimuth in degrees, clockwise from the y axis.
@@ -66,6 +65,12 @@ impl PySpanByWidth {
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         Ok(format!("SpanByWidth({:?}, direction={})", self.width, self.direction(py)?.bind(py).repr()?))
+    }
+}
+
+impl PySpanByWidth {
+    pub(super) fn of(width: f64, direction: Direction) -> Result<Self> {
+        Ok(Self { by: valid(SpanBy::Width { width, direction })?, width })
     }
 }
 

@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{PyChunks, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
+use super::finalization::PySlabCounts;
 use super::segmentors::PyRecipe;
 use super::selection::SizeOptions;
 use super::spans::{PyWindowSize, span_by};
@@ -17,7 +18,7 @@ use crate::lattice::Lattice;
 use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
 use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
-use crate::span::{Invalid, Source, Span, checked, spans_of};
+use crate::span::{Invalid, Source, Span, checked, finalized_spans_of, spans_of};
 use crate::weaver::Selection;
 
 /// Streams chunks through spans, windows, segmentor and weaver.
@@ -50,7 +51,7 @@ impl PyPipeline {
     #[new]
     #[pyo3(signature = (
         chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
-        min_segment_size = 1, max_segment_size = None, sort = "native", revisit = false,
+        counts = None, revisit = false, min_segment_size = 1, max_segment_size = None, sort = "native",
     ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
@@ -64,10 +65,11 @@ impl PyPipeline {
         threads: usize,
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
+        counts: Option<&PySlabCounts>,
+        revisit: bool,
         min_segment_size: i64,
         max_segment_size: Option<i64>,
         sort: &str,
-        revisit: bool,
     ) -> PyResult<Self> {
         let sizes = SizeOptions::new(min_segment_size, max_segment_size, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
@@ -80,15 +82,19 @@ impl PyPipeline {
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
         let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
-        let spans = spans_of(chunks, by, &lattice, source)?;
-        let crew = Crew::new(threads)?;
         let exactness = segmentor.exactness();
-        let brings_back = revisit && exactness.gains_from_revisit(by, window.0, &lattice);
-        let assessment = if brings_back {
-            exactness.assess_with_revisit(by, window.0, &lattice)
-        } else {
-            exactness.assess(by, window.0, &lattice)
+        let brings_back = revisit && counts.is_none() && exactness.gains_from_revisit(by, window.0, &lattice);
+        let (spans, assessment) = match counts {
+            Some(PySlabCounts(counts)) => (
+                finalized_spans_of(chunks, by, &lattice, counts)?,
+                exactness.assess(counts.by(), window.0, &lattice).finalized(),
+            ),
+            None if brings_back => {
+                (spans_of(chunks, by, &lattice, source)?, exactness.assess_with_revisit(by, window.0, &lattice))
+            }
+            None => (spans_of(chunks, by, &lattice, source)?, exactness.assess(by, window.0, &lattice)),
         };
+        let crew = Crew::new(threads)?;
         let name = segmentor.name().to_string();
         let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
@@ -238,8 +244,9 @@ fn tuple(progress: &Progress) -> ProgressTuple {
     )
 }
 
-/// Edges decided and undecided, points decided and undecided, points returned, points that waited, early decisions.
-type CertificateTuple = (u64, u64, u64, u64, u64, u64, u64);
+/// Edges decided and undecided, points decided and undecided, points returned, points that waited, early decisions, the
+/// most points that waited at the same time.
+type CertificateTuple = (u64, u64, u64, u64, u64, u64, u64, u64);
 
 fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
     (
@@ -250,10 +257,11 @@ fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
         certificate.returned_points,
         certificate.waited_points,
         certificate.early_decisions,
+        certificate.most_waiting,
     )
 }
 
-fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+pub(super) fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
     Python::attach(|py| -> PyResult<()> {
         py.check_signals()?;
         if let Some(on_progress) = on_progress {

@@ -78,6 +78,11 @@ impl Exactness {
         }
     }
 
+    /// Whether there is a limit to how far away what decides about a point can be.
+    pub fn is_bounded(self) -> bool {
+        self.halo() != Halo::Span
+    }
+
     /// How far apart points that are looked at together are at the most; 0 if nothing is known of it, ∞ if there is no limit.
     pub fn reach(self) -> f64 {
         match self {
@@ -221,6 +226,16 @@ impl Exactness {
             _ => None,
         };
         Assessment { class, is_identical, sentence: sentence.into(), warning }
+    }
+}
+
+impl Assessment {
+    /// The assessment of a run whose spans are handed on when their part of the map is final, while the cloud comes in the
+    /// order of its stream.
+    #[must_use]
+    pub fn finalized(mut self) -> Self {
+        self.sentence += "; decisions wait until their region is final";
+        self
     }
 }
 

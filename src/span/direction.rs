@@ -10,7 +10,8 @@ pub enum Direction {
     X,
     /// Along the y axis.
     Y,
-    /// Clockwise from north (the y axis), in degrees.
+    /// Clockwise from north (the y axis), in degrees. Those along an axis, forward or backward, are as exact as [`X`](Self::X)
+    /// and [`Y`](Self::Y).
     Azimuth(f64),
 }
 
@@ -25,6 +26,17 @@ impl Direction {
         } else {
             Err(Error::parameter("direction", degrees, "'x', 'y' or an azimuth in degrees, a finite number"))
         }
+    }
+}
+
+/// The axis and the sign of an azimuth along one.
+fn axis_of(degrees: f64) -> Option<(usize, f64)> {
+    match degrees.rem_euclid(360.0) {
+        0.0 => Some((1, 1.0)),
+        90.0 => Some((0, 1.0)),
+        180.0 => Some((1, -1.0)),
+        270.0 => Some((0, -1.0)),
+        _ => None,
     }
 }
 
@@ -113,21 +125,24 @@ const MOST_SLABS: f64 = 9e15;
 
 impl SlabIndex {
     pub(crate) fn new(width: f64, direction: Direction, lattice: &Lattice) -> Self {
-        let axis = match direction {
-            Direction::X => 0,
-            Direction::Y => 1,
-            Direction::Azimuth(degrees) => return Self::oblique(width, degrees, lattice),
+        let (axis, sign) = match direction {
+            Direction::X => (0, 1.0),
+            Direction::Y => (1, 1.0),
+            Direction::Azimuth(degrees) => match axis_of(degrees) {
+                Some(along) => along,
+                None => return Self::oblique(width, degrees, lattice),
+            },
         };
         let (scale, offset) = (lattice.scale()[axis], lattice.offset()[axis]);
         let mut weights = [0.0; 2];
         if let (true, Some(width), Some(offset)) =
             (lattice.is_whole(), whole_steps(width, scale), whole_steps(offset, scale))
         {
-            weights[axis] = 1.0;
-            return Self { weights, zero: -offset, width, whole: true };
+            weights[axis] = sign;
+            return Self { weights, zero: -sign * offset, width, whole: true };
         }
-        weights[axis] = scale;
-        Self { weights, zero: -offset, width, whole: false }
+        weights[axis] = sign * scale;
+        Self { weights, zero: -sign * offset, width, whole: false }
     }
 
     fn oblique(width: f64, degrees: f64, lattice: &Lattice) -> Self {
@@ -204,6 +219,31 @@ mod tests {
         assert_eq!(slab(90.0).of(&[25.0, -70.0, 0.0]).unwrap(), Some(2));
         assert_eq!(slab(0.0).of(&[25.0, -75.0, 0.0]).unwrap(), Some(-8));
         assert_eq!(slab(45.0).of(&[10.0, 10.0, 0.0]).unwrap(), Some(1));
+    }
+
+    #[test]
+    fn backward_along_an_axis_is_as_exact_as_forward() {
+        let lattice = Lattice::new([0.01; 3], [500_000.0, -3.0, 0.0]).unwrap();
+        for (degrees, axis, sign) in [(90.0, 0, 1), (270.0, 0, -1), (-90.0, 0, -1), (0.0, 1, 1), (180.0, 1, -1)] {
+            let slab = SlabIndex::new(0.3, Direction::Azimuth(degrees), &lattice);
+            assert!(slab.is_exact());
+            for steps in -100i64..100 {
+                let mut point = [0.0; 3];
+                point[axis] = steps as f64;
+                let way = sign * (steps + [50_000_000, -300][axis]);
+                assert_eq!(slab.of(&point).unwrap(), Some(way.div_euclid(30)), "{degrees} {steps}");
+                let extent = slab.extent(Some(way.div_euclid(30)), Some(way.div_euclid(30) + 1), &lattice);
+                let off = way.rem_euclid(30);
+                for radius in 0..31 {
+                    let holds = radius <= off && radius < 30 - off;
+                    assert_eq!(
+                        extent.holds(&point, radius as f64 * 0.01, &lattice),
+                        holds,
+                        "{degrees} {steps} {radius}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

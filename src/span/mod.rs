@@ -2,20 +2,26 @@
 //!
 //! A source delivers [`Chunk`]s of any size; [`spans_of`] cuts them into spans. By count, by time, by scan line and for
 //! a source that is sorted along the direction the cut follows the stream ([`cutter`]); by width it follows space, and
-//! a cloud that is not sorted along the direction is first laid into slabs, in bounded memory ([`slabs`]).
+//! a cloud that is not sorted along the direction is first laid into slabs, in bounded memory ([`slabs`]). If the points of
+//! each slab have been counted beforehand ([`counting`]), slabs come while the stream is still being read ([`finalized`]).
 
+mod counting;
 mod cutter;
 mod direction;
+mod finalized;
 mod slabs;
+mod spool;
 mod validity;
 
 use std::ops::Range;
 
 use crate::error::{Result, at_least_one, positive};
 use crate::lattice::Lattice;
+pub use counting::{Counting, SlabCounts};
 pub use cutter::Cutter;
 pub(crate) use direction::SlabIndex;
 pub use direction::{Direction, Extent};
+pub use finalized::Finalized;
 pub use slabs::Slabs;
 pub use validity::{Invalid, checked};
 
@@ -171,6 +177,20 @@ pub enum Source {
 pub trait SpanSource: Iterator<Item = Result<Span>> + Send {
     /// Asks the source for nothing more. Points of a stream that have come already are still cut into spans.
     fn stop(&mut self);
+
+    /// How many points waited for their slab to become final.
+    fn waits(&self) -> Waits {
+        Waits::default()
+    }
+}
+
+/// Points that came before the span in which their slab became final.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Waits {
+    /// How many did.
+    pub points: u64,
+    /// How many did at the same time.
+    pub most: u64,
 }
 
 /// A stream of spans.
@@ -196,4 +216,19 @@ pub fn spans_of(
         }
         _ => Box::new(Cutter::new(chunks, by, lattice)),
     })
+}
+
+/// Cuts the chunks of a finite source into spans, and hands on their points in slabs that are final. The chunks have to be
+/// those that were counted.
+///
+/// # Errors
+/// If `by` is not [valid](SpanBy::validate).
+pub fn finalized_spans_of(
+    chunks: impl Iterator<Item = Result<Chunk>> + Send + 'static,
+    by: SpanBy,
+    lattice: &Lattice,
+    counts: &SlabCounts,
+) -> Result<Spans> {
+    by.validate()?;
+    Ok(Box::new(Finalized::new(Cutter::new(chunks, by, lattice), counts, lattice)))
 }

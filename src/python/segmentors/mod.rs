@@ -55,10 +55,16 @@ impl PyRecipe {
         Ok(Self { segmentor, reads })
     }
 
-    /// Whether more points can only join more.
+    /// Whether more points can only join more, so that no decision can come too early.
     #[getter]
     fn is_monotone(&self) -> bool {
         self.segmentor.exactness().is_monotone()
+    }
+
+    /// Whether there is a limit to how far away what decides about a point can be.
+    #[getter]
+    fn is_bounded(&self) -> bool {
+        self.segmentor.exactness().is_bounded()
     }
 }
 
