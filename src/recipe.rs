@@ -14,7 +14,7 @@ use crate::attribute::is_same_name;
 use crate::error::{Error, Result};
 use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
-use crate::neighborhood::Search;
+use crate::neighborhood::{Grid, Search};
 use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::window::Window;
@@ -24,6 +24,9 @@ const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
 
 /// More neighbors than this are searched for again rather than kept for all points at the same time.
 const MOST_KEPT: usize = 256;
+
+/// Bytes of a point in a window that is made of another: position, id, what it stands for.
+const BYTES_PER_COPY: usize = 48;
 
 /// The attributes that are one vector: all from the cloud, or all computed.
 const NORMAL: [&str; 3] = ["NormalX", "NormalY", "NormalZ"];
@@ -271,6 +274,19 @@ impl Segmentor for Recipe {
     /// What decides about a point, if the points that are looked at are those of the cloud.
     fn neighborhood(&self) -> Option<Search> {
         self.search.filter(|_| self.ingredients.stages.iter().all(|stage| stage.displacement() == 0.0))
+    }
+
+    fn bytes_per_point(&self) -> usize {
+        // What takes part is copied, with all its columns.
+        let columns = self.coordinates.len() + self.features.len() + self.reads.len();
+        let copies = (1 + self.ingredients.stages.len()) * (BYTES_PER_COPY + columns * size_of::<f64>());
+        let kept = match self.search {
+            Some(search @ Search::Nearest { k, .. }) if self.keeps_neighbors(search) => k * size_of::<u32>(),
+            _ => 0,
+        };
+        // The grid of the features is gone when the segmentor begins.
+        let working = Grid::BYTES_PER_POINT.max(self.ingredients.segmentor.bytes_per_point());
+        copies + columns * size_of::<f64>() + kept + working
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

@@ -149,9 +149,7 @@ def test_without_a_radius_the_literal_form_is_near_to_static(data: Path, width: 
         ("spinning/kitti_a.bin", [0.7, 5.0]),
     ],
 )
-def test_without_a_radius_streamed_is_static(
-    measured: Callable[[str], Cloud], name: str, widths: list[float]
-) -> None:
+def test_without_a_radius_streamed_is_static(measured: Callable[[str], Cloud], name: str, widths: list[float]) -> None:
     source = measured(name).source
     growing = ss.RegionGrowing(angle_deg=20.0)
     static = ss.segment_static(source, growing)

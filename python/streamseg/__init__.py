@@ -10,6 +10,7 @@ from . import scenes
 from ._core import (
     ConditionalClustering,
     Dbscan,
+    Plan,
     PlaneExtraction,
     Proximity,
     RadiusOutlierRemoval,
@@ -41,6 +42,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .plan import plan
 from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
@@ -61,6 +63,7 @@ __all__ = [
     "MissingExtra",
     "Outcome",
     "OutputExists",
+    "Plan",
     "PlaneExtraction",
     "Progress",
     "Proximity",
@@ -85,6 +88,7 @@ __all__ = [
     "WindowPoints",
     "__version__",
     "features",
+    "plan",
     "plugin",
     "plugin_names",
     "prepare",

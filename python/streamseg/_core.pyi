@@ -16,6 +16,7 @@ __all__ = [
     "Dbscan",
     "FeatureSurvey",
     "Pipeline",
+    "Plan",
     "PlaneExtraction",
     "Proximity",
     "RadiusOutlierRemoval",
@@ -43,6 +44,7 @@ __all__ = [
     "_features",
     "_halo_of",
     "_measure",
+    "_plan",
     "_stub",
     "default_spans",
 ]
@@ -51,6 +53,16 @@ __version__: str
 _stub: str
 
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
+def _plan(
+    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    recipe: Recipe,
+    max_memory: int | str | None,
+    *,
+    scale: _Triple | None,
+    offset: _Triple | None,
+    with_history: bool,
+    drop_invalid: bool,
+) -> Plan: ...
 def _features(
     chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
     names: Sequence[str],
@@ -329,6 +341,29 @@ class SpanByWidth:
     def direction(self) -> str | float: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Plan:
+    @property
+    def width(self) -> float: ...
+    @property
+    def points_per_span(self) -> int: ...
+    @property
+    def direction(self) -> str: ...
+    @property
+    def points_per_window(self) -> int: ...
+    @property
+    def at_a_time(self) -> int: ...
+    @property
+    def windows(self) -> int: ...
+    @property
+    def most_points(self) -> int: ...
+    @property
+    def warning(self) -> str | None: ...
+    @property
+    def window(self) -> Window: ...
+    def peak(self, threads: int) -> int: ...
+    def explain(self, threads: int) -> list[tuple[str, str]]: ...
 
 @final
 class SpanByCount:

@@ -14,7 +14,8 @@ from ._core import Window
 from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
-from .run import SpanBy, Stages, stream
+from .plan import MaxMemory, Stages
+from .run import Spans, stream
 from .source import PathLike, counted, open_source
 from .stream import PATIENCE, Certificate, LeftOut, Progress, Result, Stream
 
@@ -47,8 +48,9 @@ def segment_file(
     output: PathLike,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     history: PathLike | None = None,
     result: Result = "final",
     threads: int | None = None,
@@ -69,7 +71,7 @@ def segment_file(
         LAS, LAZ, NumPy or text, all of one kind.
     output : path
         LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
-    segmentor, spans, window, history, threads, drop_invalid, preprocess, revisit
+    segmentor, spans, window, max_memory, history, threads, drop_invalid, preprocess, revisit
         As for `stream`.
     result : {"final", "carry", "history"}, default "final"
         Which ids are written.
@@ -117,6 +119,7 @@ def segment_file(
             segmentor,
             spans=spans,
             window=window,
+            max_memory=max_memory,
             history=history,
             result=result,
             threads=threads,

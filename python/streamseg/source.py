@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import SpanByScanLine, SpanByTime, SpanByWidth
+from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
@@ -80,8 +80,13 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
 
 def laid_out(source: Source, spans: Spans, *, read_twice: bool = False) -> Source:
     """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
-    is_needed = read_twice or isinstance(spans, SpanByWidth)
-    return source._replace(stored=True) if source.can_be_stored and is_needed else source
+    is_needed = read_twice or isinstance(spans, (SpanByWidth, Plan))
+    return as_stored(source) if is_needed else source
+
+
+def as_stored(source: Source) -> Source:
+    """Take a list of arrays as stored: it can be read to its end, and again."""
+    return source._replace(stored=True) if source.can_be_stored else source
 
 
 def needed_by(spans: Spans) -> tuple[str, ...]:

@@ -44,6 +44,11 @@ pub struct Grid<'a> {
     places: Vec<u32>,
 }
 
+impl Grid<'_> {
+    /// Bytes of memory per point, measured, those while it is made included.
+    pub const BYTES_PER_POINT: usize = 70;
+}
+
 impl<'a> Grid<'a> {
     /// Sorts `points`, which lie on `lattice`, into cells that suit `search`; `point_ids` break ties.
     pub fn new(points: &'a [[f64; 3]], point_ids: &'a [i64], lattice: &Lattice, search: Search) -> Self {

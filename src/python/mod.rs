@@ -9,6 +9,7 @@ mod features;
 mod finalization;
 mod history;
 mod numbers;
+mod plan;
 mod preprocessing;
 mod scenes;
 mod searches;
@@ -39,6 +40,8 @@ mod _core {
     use super::finalization::PySlabCounts;
     #[pymodule_export]
     use super::history::PyReplay;
+    #[pymodule_export]
+    use super::plan::{_plan, PyPlan};
     #[pymodule_export]
     use super::preprocessing::{_halo_of, _measure, PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid};
     #[pymodule_export]

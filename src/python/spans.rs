@@ -1,9 +1,11 @@
 //! How a cloud is cut, as Python objects: spans by width, count, time or scan line, and the window.
 
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
 use super::errors::InvalidParameter;
 use super::numbers::{Real, Whole};
+use super::plan::PyPlan;
 use super::segmentors::PyRecipe;
 use crate::error::Result;
 use crate::segmentor::Layout;
@@ -56,13 +58,7 @@ impl PySpanByWidth {
     /// "x", "y" or an azimuth in degrees, clockwise from the y axis.
     #[getter]
     fn direction(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        Ok(match self.by {
-            SpanBy::Width { direction: Direction::Y, .. } => "y".into_pyobject(py)?.into_any().unbind(),
-            SpanBy::Width { direction: Direction::Azimuth(degrees), .. } => {
-                degrees.into_pyobject(py)?.into_any().unbind()
-            }
-            _ => "x".into_pyobject(py)?.into_any().unbind(),
-        })
+        direction_of(py, self.by)
     }
 
     fn __getnewargs__(&self, py: Python<'_>) -> PyResult<(f64, Py<PyAny>)> {
@@ -77,6 +73,16 @@ impl PySpanByWidth {
 impl PySpanByWidth {
     pub(super) fn of(width: f64, direction: Direction) -> Result<Self> {
         Ok(Self { by: valid(SpanBy::Width { width, direction })?, width })
+    }
+}
+
+/// The direction of spans of space, as users type it.
+pub(super) fn direction_of(py: Python<'_>, by: SpanBy) -> PyResult<Py<PyAny>> {
+    let (SpanBy::Width { direction, .. } | SpanBy::Slabs { direction, .. }) = by else { return Ok(py.None()) };
+    match direction {
+        Direction::X => "x".into_py_any(py),
+        Direction::Y => "y".into_py_any(py),
+        Direction::Azimuth(degrees) => degrees.into_py_any(py),
     }
 }
 
@@ -251,7 +257,7 @@ pub(super) fn default_spans(
             let by = SpanBy::Count { points };
             Ok(Py::new(py, PySpanByCount { by, points: points as i64 })?.into_any())
         }
-        SpanBy::Time { .. } | SpanBy::ScanLine { .. } | SpanBy::Given => Ok(py.None()),
+        SpanBy::Slabs { .. } | SpanBy::Time { .. } | SpanBy::ScanLine { .. } | SpanBy::Given => Ok(py.None()),
     }
 }
 
@@ -269,6 +275,9 @@ pub(super) fn span_by(spans: Option<&Bound<'_, PyAny>>) -> PyResult<SpanBy> {
     }
     if let Ok(spans) = spans.cast::<PySpanByScanLine>() {
         return Ok(spans.get().by);
+    }
+    if let Ok(plan) = spans.cast::<PyPlan>() {
+        return Ok(plan.get().plan.spans());
     }
     let given = spans.repr()?;
     Err(InvalidParameter::new_err(format!(

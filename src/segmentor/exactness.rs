@@ -83,7 +83,8 @@ impl Exactness {
         self.halo() != Halo::Span
     }
 
-    fn reach(self) -> f64 {
+    /// How far apart points that are looked at together are at the most; 0 if nothing is known of it, ∞ if there is no limit.
+    pub fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
             | Exactness::WithHalo { reach, .. }
@@ -179,7 +180,7 @@ impl Exactness {
     /// Assesses a run with these spans and windows.
     pub fn assess(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
         let shares = shares(self.reach(), by, size, lattice);
-        let in_space = matches!(by, SpanBy::Width { .. });
+        let in_space = matches!(by, SpanBy::Width { .. } | SpanBy::Slabs { .. });
         let class = match self {
             Exactness::ByLocality { .. } => 'A',
             // Spans cut in stream order do not say which part of the map they hold, so nothing can be known to be final.
@@ -262,7 +263,9 @@ enum Shares {
 
 /// Whether every pair of points within `reach` shares a window.
 fn shares(reach: f64, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Shares {
-    let SpanBy::Width { width, direction } = by else { return Shares::Unknown };
+    let (SpanBy::Width { width, direction } | SpanBy::Slabs { width, direction, .. }) = by else {
+        return Shares::Unknown;
+    };
     if reach == f64::INFINITY {
         return Shares::Unknown;
     }

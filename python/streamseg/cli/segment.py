@@ -16,7 +16,7 @@ from ..files import Outcome, segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from ..run import SpanBy
+from ..run import Spans
 from . import interrupt, methods
 from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
 
@@ -104,13 +104,17 @@ def segment(
     lonely: Annotated[str | None, _of(_BEFORE, "Remove points with few others around: RADIUS,NEIGHBORS.")] = None,
     voxel: Annotated[float | None, _of(_BEFORE, "Segment the centers of voxels of this size instead.")] = None,
     span_width: Annotated[
-        float | None, _of(_SPANS, "Spans of this width. [default: 20 x how far neighbors can be]")
+        str | None,
+        _of(_SPANS, "Spans of this width; auto: as the memory allows. [default: 20 x how far neighbors can be]"),
     ] = None,
     direction: Annotated[str, _of(_SPANS, "x, y or an azimuth in degrees, for --span-width.")] = "x",
     span_count: Annotated[int | None, _of(_SPANS, "Spans of so many points, in file order.", max=MOST)] = None,
     span_time: Annotated[float | None, _of(_SPANS, "Spans of so many seconds of gps_time.")] = None,
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
-    spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
+    max_memory: Annotated[
+        str | None, _of(_SPANS, "Most memory, such as 256MB; means --span-width auto. [default with that: 512MB]")
+    ] = None,
+    spans: Annotated[int | None, _of(_SPANS, "Spans in a window. [default: 3]", max=MOST)] = None,
     overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
     revisit: Annotated[
         bool,
@@ -146,7 +150,8 @@ def segment(
             segmentor,
             preprocess=methods.stages(outliers, lonely, voxel),
             spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
-            window=Window(spans, overlap),
+            window=_window(spans, overlap),
+            max_memory=max_memory,
             revisit=revisit,
             history=history,
             result=result.value,
@@ -191,13 +196,13 @@ def _written_at(output: Path) -> int | None:
 
 def _spans(
     segmentor: Any,
-    width: float | None,
+    width_text: str | None,
     direction: str,
     count: int | None,
     seconds: float | None,
     lines: int | None,
-) -> SpanBy | None:
-    given = {"--span-width": width, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
+) -> Spans | None:
+    given = {"--span-width": width_text, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
     chosen = [name for name, value in given.items() if value is not None]
     if direction != "x" and chosen not in ([], ["--span-width"]):
         raise InvalidParameter(f"--direction is given with {chosen[0]}, allowed: with --span-width")
@@ -209,8 +214,13 @@ def _spans(
         return SpanByTime(seconds)
     if lines is not None:
         return SpanByScanLine(lines)
-    if width is None and direction == "x":
+    if width_text is None and direction == "x":
         return None
+    if width_text == "auto":
+        if direction != "x":
+            raise InvalidParameter("--direction is given with --span-width auto, which chooses it; leave it out")
+        return "auto"
+    width = None if width_text is None else _width(width_text)
     try:
         azimuth: str | float = float(direction)
     except ValueError:
@@ -223,6 +233,17 @@ def _spans(
             )
         width = usual.width
     return SpanByWidth(width, azimuth)
+
+
+def _window(spans: int | None, overlap: int | None) -> Window | None:
+    return None if spans is None and overlap is None else Window(spans, overlap)
+
+
+def _width(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidParameter(f"--span-width is '{text}', allowed: a number above 0, or auto") from None
 
 
 def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:
