@@ -17,7 +17,7 @@ use crate::lattice::Lattice;
 use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::span::{Span, Spans, Waits};
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Returned, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -282,8 +282,13 @@ impl Pipeline {
             }
         };
         let begun = Instant::now();
-        let raw_id = |span, position| self.weaver.raw_id(span, position);
-        let returned = context.as_ref().map(|context| context.returned(&labels_of_context, raw_id)).unwrap_or_default();
+        let returned = match self.returned(context.as_ref(), &labels_of_context, planes.as_deref()) {
+            Ok(returned) => returned,
+            Err(error) => {
+                self.give_up(Some(error));
+                return Ok(());
+            }
+        };
         tally.returned_points += labels_of_context.len() as u64;
         if self.may_come_back_to(&spans) {
             tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
@@ -326,6 +331,21 @@ impl Pipeline {
         self.progress.segment_ids = self.weaver.next_id() - 1;
         self.progress.segments = self.progress.segment_ids - self.weaver.joins();
         Ok(())
+    }
+
+    /// The earlier segments that came back with the context of a window, and are to be one with its labels.
+    fn returned(
+        &mut self,
+        context: Option<&Context>,
+        labels: &[i32],
+        planes: Option<&[Plane]>,
+    ) -> Result<Vec<Returned>> {
+        let raw_id = |span, position| self.weaver.raw_id(span, position);
+        let mut returned = context.map(|context| context.returned(labels, raw_id)).unwrap_or_default();
+        if let (Some(revisit), Some(planes)) = (&mut self.revisit, planes) {
+            revisit.agreeing(&mut returned, &*self.segmentor, self.weaver.next_id(), planes)?;
+        }
+        Ok(returned)
     }
 
     /// Whether more of the cloud may come to where the spans are and undo what is decided now. Spans of space hold all that

@@ -131,18 +131,19 @@ def stream(
     if spans is None and opened.stored and not opened.can_be_stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
     slabs, counts = spans, None
-    if revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, SpanByWidth):
+    waits = revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, SpanByWidth)
+    if waits:
         slabs, counts = slabs_for(opened, recipe, drop_invalid=drop_invalid, on_progress=_named(on_progress))
     core = _pipeline(
         opened,
         segmentor,
         recipe,
-        spans,
+        slabs if counts is None else spans,
         Window() if window is None else window,
         threads,
         drop_invalid,
         on_progress,
-        revisit=revisit and counts is None,
+        revisit=revisit and not waits,
         counts=counts,
     )
     if core.sort != "native" and result != "final":
@@ -159,7 +160,7 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
-            **({"revisit": True, "slabs": repr(slabs)} if counts is not None else {"revisit": True} if revisit else {}),
+            **({"revisit": True, "slabs": repr(slabs)} if waits else {"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(

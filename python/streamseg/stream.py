@@ -88,7 +88,7 @@ class Certificate(NamedTuple):
             (
                 self.early_decisions,
                 "points were decided though more of the cloud could still come to where they are; "
-                "only of a file or an array is known what is still to come",
+                "use spans by width, or revisit=True with a file or an array",
             ),
         )
         return tuple(f"{count:,} {sentence}" for count, sentence in kinds if count)
@@ -100,7 +100,7 @@ class Certificate(NamedTuple):
             (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
             (points, f"{self.undecided_points:,} of {points:,} points undecided"),
             (self.returned_points, f"{self.returned_points:,} points returned"),
-            (self.waited_points, f"{self.waited_points:,} points waited"),
+            (self.waited_points, f"{self.waited_points:,} points waited, {self.most_waiting:,} at a time"),
             (self.early_decisions, f"{self.early_decisions:,} early decisions"),
         )
         return ", ".join(told for count, told in counts if count) or "nothing to count"

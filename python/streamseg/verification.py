@@ -144,7 +144,6 @@ def verify(
         )
     opened = open_source(source, attributes)
     _warn_of_size(opened.point_count)
-    more: dict[str, Any] = {"revisit": True} if revisit else {}
     run = stream(
         opened,
         segmentor,
@@ -156,7 +155,7 @@ def verify(
         preprocess=preprocess,
         on_progress=on_progress,
         with_points=False,
-        **more,
+        revisit=revisit,
     )
     with run:
         streamed = in_input_order(run)
@@ -195,17 +194,17 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
 def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[str]:
     """Tell why the two differ, from what is known of the run; the likeliest first."""
     reasons = [run.warning] if run.warning else []
+    if is_in_stream_order and not run.is_identical:
+        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += run.certificate.doubts
     if run.is_identical:
         return reasons or [_DEFECT]
-    if is_in_stream_order:
-        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += [
         f"{stage!r} judges a point by those that came before it, so it depends on the spans"
         for stage in (stages if isinstance(stages, Sequence) else [stages])
         if getattr(stage, "statistics", None) == "running"
     ]
-    if run.exactness == "C" and not is_in_stream_order:
+    if run.exactness == "C" and not (is_in_stream_order or run.certificate.early_decisions):
         reasons.append(_NO_PROMISE)
     return reasons or [run.promise]
 

@@ -152,7 +152,6 @@ def segment(
             result=result.value,
             threads=threads,
             drop_invalid=drop_invalid,
-            revisit=revisit,
             overwrite=overwrite,
             on_read=bars.on_read,
             on_progress=bars.on_progress,

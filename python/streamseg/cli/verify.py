@@ -32,7 +32,7 @@ def verify(inputs: Inputs, **options: Any) -> None:
             preprocess=methods.stages(options["outliers"], options["lonely"], options["voxel"]),
             spans=_spans(segmentor, *(options[name] for name in _CUTS)),
             window=Window(options["spans"], options["overlap"]),
-            **{name: options[name] for name in _AS_THEY_ARE if name in options},
+            **{name: options[name] for name in _AS_THEY_ARE},
             on_progress=bars.on_progress,
         )
     say(str(verification), options["quiet"])
