@@ -477,7 +477,7 @@ impl Slider {
         let end = self.before + self.size.spans.min(there);
         let is_ready = there >= self.size.spans && self.has_halo(end);
         // When the source has ended, the last window may have fewer spans.
-        if !is_ready && !(self.ended && there > self.shared) {
+        if !(is_ready || self.ended && there > self.shared) {
             return None;
         }
         let end = self.size.room.map_or(Some(end), |room| self.fill(end, room))?;

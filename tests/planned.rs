@@ -96,7 +96,9 @@ fn slow_twin(ways: &[f64], most: usize, size: WindowSize, halo: Halo) -> Vec<[us
 
 fn census(points: &[[f64; 3]], lattice: &Lattice, reach: f64) -> Census {
     let mut census = Census::new(reach, lattice);
-    chunks_of(points, &[5, 11]).iter().for_each(|chunk| census.add(chunk).unwrap());
+    for chunk in &chunks_of(points, &[5, 11]) {
+        census.add(chunk).unwrap();
+    }
     census
 }
 

@@ -341,8 +341,8 @@ class Stream:
         ended_before, self._ended = self._ended, True
         if self.exactness == "B" and not ended_before and (undecided := self.certificate.undecided_points):
             warn(
-                f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result may "
-                "differ from the static one there; give a search_radius, or the cloud as a file or an array"
+                f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result "
+                "may differ from the static one there; give a search_radius, or the cloud as a file or an array"
             )
 
     def _next_settled(self, settlement: Settlement) -> Span:

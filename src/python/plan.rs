@@ -98,6 +98,7 @@ impl PyPlan {
 /// Reads a stored cloud once and makes a plan for segmenting it by a recipe; without a budget for the usual one.
 #[pyfunction]
 #[pyo3(signature = (chunks, recipe, max_memory, *, scale, offset, with_history, drop_invalid))]
+#[allow(clippy::too_many_arguments)] // one keyword each for Python
 pub(super) fn _plan(
     py: Python<'_>,
     chunks: &Bound<'_, PyAny>,
