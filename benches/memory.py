@@ -6,6 +6,12 @@ includes the interpreter, its libraries and the program's code; the proportional
 processes use too count in part, is sampled beside it.
 
     python benches/memory.py --copies 1 20
+
+With ``--max-memory`` spans and windows are chosen to keep to a budget, and the peak has to stay below it. What this
+program does not know goes to ``streamseg segment`` as it is, so any method can be measured on any cloud.
+
+    python benches/memory.py --max-memory 256 --copies 20
+    python benches/memory.py --max-memory 256 --copies 1 --cloud pines.laz --method dbscan --eps 0.05
 """
 
 from __future__ import annotations
@@ -131,6 +137,14 @@ def line(peak: Peak) -> str:
     )
 
 
+def report_budget(peaks: list[Peak], budget: float) -> bool:
+    """Print the highest peak and the budget; whether it was kept."""
+    peak = max(each.resident for each in peaks)
+    kept = peak <= budget
+    print(f"\nhighest peak {peak / 1e6:.0f} MB (budget: {budget / 1e6:.0f} MB: {'kept' if kept else 'BROKEN'})")
+    return kept
+
+
 def report(peaks: list[Peak]) -> bool:
     """Print the ratio and the bars; whether they are met."""
     first, last = peaks[0], peaks[-1]
@@ -152,17 +166,20 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=1, help="runs per number of copies; the highest peak counts")
     parser.add_argument("--distance", type=float, default=1.0, help="of the proximity segmentation")
     parser.add_argument("--span-width", type=float, default=20.0, help="width of the spans")
+    parser.add_argument("--max-memory", type=int, help="budget in MB, instead of a width")
     parser.add_argument("--threads", type=int, help="[default: all cores]")
     parser.add_argument("--result", default="final", choices=("final", "carry", "history"), help="which ids")
     parser.add_argument("--json", type=Path, help="also write the figures here")
-    given = parser.parse_args()
-    options = ["--distance", str(given.distance), "--span-width", str(given.span_width), "--result", given.result]
+    given, method = parser.parse_known_args()
+    is_budget = given.max_memory is not None
+    cut = ["--max-memory", f"{given.max_memory}MB"] if is_budget else ["--span-width", str(given.span_width)]
+    options = [*(method or ["--distance", str(given.distance)]), *cut, "--result", given.result]
     if given.threads:
         options += ["--threads", str(given.threads)]
     print(f"streamseg segment {' '.join(options)}, {given.cloud.name} laid end to end\n")
     print(f"{'copies':>6} {'points':>12} {'seconds':>8} {'Mpoints/s':>10} {'peak RSS, MB':>12} {'PSS, MB':>10}")
     peaks = measure_all(given.cloud, given.copies, given.repeats, options)
-    met = report(peaks)
+    met = report_budget(peaks, given.max_memory * 1e6) if is_budget else report(peaks)
     if given.json:
         runs = [{**peak._asdict(), "points_per_second": peak.speed} for peak in peaks]
         given.json.write_text(json.dumps({"cloud": given.cloud.name, "options": options, "runs": runs, "met": met}))

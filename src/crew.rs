@@ -1,15 +1,17 @@
 //! The threads of a run.
 //!
-//! One thread means the caller's own: nothing is spawned, and labels come out with the least delay. With more, windows
-//! are segmented side by side while the caller's thread reads and hands out.
+//! Windows are segmented side by side on the crew's threads while the caller's thread reads, hands out, and looks up now
+//! and then: even a crew of one leaves it free to answer an interrupt. Only what has to stay on the caller's own thread,
+//! such as code in Python, is done there.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::awaited::Waiter;
 use crate::error::{Error, Result, at_least_one};
 
 /// How often a wait for a job looks up, so that an interrupt is answered at once.
@@ -33,14 +35,12 @@ impl Crew {
         if threads > MOST_THREADS {
             return Err(Error::parameter("threads", threads, "1 to 1024; more than there are cores brings nothing"));
         }
-        if at_least_one("threads", threads)? == 1 {
-            return Ok(Self::of_one());
-        }
+        let threads = at_least_one("threads", threads)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("streamseg-{i}")).build();
         Ok(Self { pool: Some(pool.map_err(|e| Error::Foreign(e.into()))?), threads })
     }
 
-    /// The caller's own thread.
+    /// The caller's own thread: what it starts is done before it goes on.
     pub fn of_one() -> Self {
         Self { pool: None, threads: 1 }
     }
@@ -53,7 +53,9 @@ impl Crew {
     /// Does `work` for each item, on all threads; results in the order of the items.
     pub fn map<T: Send, R: Send>(&self, items: Vec<T>, work: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
         match &self.pool {
-            Some(pool) if items.len() > 1 => pool.install(|| items.into_par_iter().map(work).collect()),
+            Some(pool) if items.len() > 1 && self.threads > 1 => {
+                pool.install(|| items.into_par_iter().map(work).collect())
+            }
             _ => items.into_iter().map(work).collect(),
         }
     }
@@ -66,11 +68,13 @@ impl Crew {
             None => Job::Done(job()),
             Some(pool) => {
                 let (sender, receiver) = channel();
+                let waiter = Waiter::default();
+                let awaited = waiter.awaited();
                 pool.spawn(move || {
                     // Nobody listens when the run was given up in the meantime.
-                    let _ = sender.send(job());
+                    let _ = sender.send(awaited.during(job));
                 });
-                Job::Under(receiver)
+                Job::Under(receiver, waiter)
             }
         }
     }
@@ -81,12 +85,12 @@ fn message(panic: &(dyn std::any::Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "unknown cause".into())
 }
 
-/// A job under way; its failure is the message of a panic.
+/// A job under way; its failure is the message of a panic. Dropped before it is done, it is given up.
 pub enum Job<R> {
     /// It was done at once.
     Done(std::result::Result<R, String>),
     /// Another thread does it.
-    Under(Receiver<std::result::Result<R, String>>),
+    Under(Receiver<std::result::Result<R, String>>, Waiter),
 }
 
 impl<R> Job<R> {
@@ -95,18 +99,31 @@ impl<R> Job<R> {
     /// # Errors
     /// What `look_up` returns; the job can be waited for again.
     pub fn wait(&mut self, look_up: &mut dyn FnMut() -> Result<()>) -> Result<std::result::Result<R, String>> {
-        let receiver = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
-            Job::Done(result) => return Ok(result),
-            Job::Under(receiver) => receiver,
+        self.wait_until(None, look_up)?.map_or_else(|| Ok(Err("it was not waited for".into())), Ok)
+    }
+
+    /// As [`wait`](Self::wait), but not beyond `deadline`: nothing if the job is not done by then.
+    ///
+    /// # Errors
+    /// What `look_up` returns; the job can be waited for again.
+    pub fn wait_until(
+        &mut self,
+        deadline: Option<Instant>,
+        look_up: &mut dyn FnMut() -> Result<()>,
+    ) -> Result<Option<std::result::Result<R, String>>> {
+        let (receiver, waiter) = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
+            Job::Done(result) => return Ok(Some(result)),
+            Job::Under(receiver, waiter) => (receiver, waiter),
         };
         loop {
             match receiver.recv_timeout(LOOK_UP) {
-                Ok(result) => return Ok(result),
-                Err(RecvTimeoutError::Disconnected) => return Ok(Err("its thread ended".into())),
+                Ok(result) => return Ok(Some(result)),
+                Err(RecvTimeoutError::Disconnected) => return Ok(Some(Err("its thread ended".into()))),
                 Err(RecvTimeoutError::Timeout) => {
-                    if let Err(interrupt) = look_up() {
-                        *self = Job::Under(receiver);
-                        return Err(interrupt);
+                    let looked_up = look_up();
+                    if looked_up.is_err() || deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                        *self = Job::Under(receiver, waiter);
+                        return looked_up.map(|()| None);
                     }
                 }
             }
@@ -134,9 +151,22 @@ mod tests {
             let mut job = crew.start(|| -> i32 { panic!("oh") });
             assert_eq!(job.wait(&mut || Ok(())).unwrap(), Err("oh".to_string()));
         }
-        let crew = Crew::new(2).unwrap();
-        let mut job = crew.start(|| std::thread::sleep(Duration::from_millis(200)));
-        assert!(job.wait(&mut || Err(Error::parameter("test", 1, "nothing"))).is_err());
-        assert_eq!(job.wait(&mut || Ok(())).unwrap(), Ok(()));
+        for threads in [1, 2] {
+            let crew = Crew::new(threads).unwrap();
+            let (tell, told) = channel();
+            drop(crew.start(move || {
+                while !crate::awaited::is_given_up() {
+                    std::thread::yield_now();
+                }
+                tell.send(()).unwrap();
+            }));
+            told.recv().unwrap();
+            let (let_go, held) = channel::<()>();
+            let mut job = crew.start(move || held.recv().is_ok());
+            assert!(job.wait(&mut || Err(Error::parameter("test", 1, "nothing"))).is_err());
+            assert_eq!(job.wait_until(Some(Instant::now()), &mut || Ok(())).unwrap(), None);
+            let_go.send(()).unwrap();
+            assert_eq!(job.wait(&mut || Ok(())).unwrap(), Ok(true));
+        }
     }
 }

@@ -22,7 +22,7 @@ pub enum Error {
     /// A coordinate is NaN, infinite, or too large to compute with.
     #[error(
         "point {point_id} has the coordinates ({}, {}, {}), which are not finite numbers below 1e60; remove such points or drop them with drop_invalid (--drop-invalid)",
-        position[0], position[1], position[2]
+        plain(position[0]), plain(position[1]), plain(position[2])
     )]
     NotFinite {
         /// The first such point of the stream.
@@ -154,12 +154,22 @@ impl Error {
 /// What the core's fallible functions return.
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// A number as people write it: without hundreds of zeros.
+pub(crate) fn plain(value: f64) -> String {
+    let size = value.abs();
+    if size.is_finite() && size > 0.0 && !(1e-6..1e16).contains(&size) {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
+}
+
 /// Accepts a length, duration or the like that has to be a finite number above zero.
 pub(crate) fn positive(name: &'static str, value: f64) -> Result<f64> {
     if value.is_finite() && value > 0.0 {
         Ok(value)
     } else {
-        Err(Error::parameter(name, value, "a finite number above 0"))
+        Err(Error::parameter(name, plain(value), "a finite number above 0"))
     }
 }
 

@@ -13,6 +13,7 @@
 //! | [`preprocessing`] | the points of a window → fewer points |
 //! | [`recipe`] | a window, prepared and segmented: preprocessing, features, filters, segmentor |
 //! | [`segmentor`] | a window → one label per point |
+//! | [`plan`] | how many points lie where → spans and windows that keep to a budget of memory |
 //! | [`front`] | what windows leave open → pairs of segments that are one after all |
 //! | [`weaver`] | labels of overlapping windows → segment ids, the history of the segments |
 //! | [`revisit`] | windows → windows that see earlier points around them |
@@ -47,6 +48,7 @@
 //! ```
 
 pub mod attribute;
+mod awaited;
 pub mod certificate;
 pub mod crew;
 pub mod error;
@@ -58,6 +60,7 @@ pub mod lattice;
 pub mod look;
 pub mod neighborhood;
 pub mod pipeline;
+pub mod plan;
 pub mod preprocessing;
 pub mod recipe;
 pub mod revisit;

@@ -20,7 +20,7 @@ use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::sightings::Sightings;
 use crate::span::{Extent, Span, Spans, Waits};
 use crate::undecided::Undecided;
-use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Weaver};
+use crate::weaver::{Agreement, Aliases, EvictedSpan, LabelledWindow, OutOfScope, Returned, Weaver};
 use crate::window::{Slider, Window, WindowSize};
 
 /// Called now and then with the progress so far; its error interrupts the run.
@@ -54,6 +54,8 @@ pub struct Pipeline {
     again: Option<LookAgain>,
     /// What windows leave open, where that can be decided later.
     front: Option<Front>,
+    /// When windows that are not segmented yet are given up.
+    deadline: Option<Instant>,
 }
 
 /// A span that went out of scope, and what is known of it.
@@ -157,6 +159,7 @@ impl Pipeline {
             undecided: Undecided::default(),
             sightings,
             again,
+            deadline: None,
         };
         pipeline.with_attributes(names)
     }
@@ -190,6 +193,13 @@ impl Pipeline {
         if let Some(spans) = &mut self.spans {
             spans.stop();
         }
+    }
+
+    /// Stops, and gives up the windows that are not segmented `patience` from now: those of their points that no window
+    /// before them had do not come out.
+    pub fn stop_within(&mut self, patience: Duration) {
+        self.stop();
+        self.deadline = Instant::now().checked_add(patience);
     }
 
     /// Whether nothing more will come out: no span and no failure.
@@ -228,6 +238,10 @@ impl Pipeline {
     /// One step of the figure; whether there is more to do.
     fn step(&mut self) -> Result<bool> {
         (self.look_up)(&self.progress)?;
+        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            let failure = self.failure.take();
+            self.give_up(failure);
+        }
         if self.under_way.len() < self.crew.threads() && self.take_in_span() {
             return Ok(true);
         }
@@ -294,7 +308,8 @@ impl Pipeline {
 
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
-        let look = first.look.wait(&mut || (self.look_up)(&self.progress))?;
+        let look = first.look.wait_until(self.deadline, &mut || (self.look_up)(&self.progress))?;
+        let Some(look) = look else { return Ok(()) };
         let Some(window) = self.under_way.pop_front() else { return Ok(()) };
         let look = match look {
             Ok(Ok(look)) => look,
@@ -321,8 +336,13 @@ impl Pipeline {
         let Look { segmented, sights, of_context } = look;
         let Segmented { labels, seeded, planes, mut tally, frontier, .. } = segmented;
         let begun = Instant::now();
-        let raw_id = |span, position| self.weaver.raw_id(span, position);
-        let returned = context.as_ref().map(|context| context.returned(&of_context, raw_id)).unwrap_or_default();
+        let returned = match self.returned(context.as_ref(), &of_context, planes.as_deref()) {
+            Ok(returned) => returned,
+            Err(error) => {
+                self.give_up(Some(error));
+                return Ok(());
+            }
+        };
         tally.returned_points += of_context.len() as u64;
         if self.may_come_back_to(&spans) {
             tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
@@ -372,6 +392,21 @@ impl Pipeline {
         Ok(())
     }
 
+    /// The earlier segments that came back with the context of a window, and are to be one with its labels.
+    fn returned(
+        &mut self,
+        context: Option<&Context>,
+        labels: &[i32],
+        planes: Option<&[Plane]>,
+    ) -> Result<Vec<Returned>> {
+        let raw_id = |span, position| self.weaver.raw_id(span, position);
+        let mut returned = context.map(|context| context.returned(labels, raw_id)).unwrap_or_default();
+        if let (Some(revisit), Some(planes)) = (&mut self.revisit, planes) {
+            revisit.agreeing(&mut returned, &*self.segmentor, self.weaver.next_id(), planes)?;
+        }
+        Ok(returned)
+    }
+
     /// Whether more of the cloud may come to where the spans are and undo what is decided now. Spans of space hold all that
     /// ever comes to their place; and where more points can only join more, and are brought together whenever they come,
     /// nothing is undone.
@@ -400,13 +435,14 @@ impl Pipeline {
         self.weaver.join_late(&joins, self.progress.windows.saturating_sub(1))
     }
 
-    /// Gives up all windows that have not been woven, because of what the segmentor said of window `index`.
+    /// Ends the run because of what the segmentor said of window `index`.
     fn fail(&mut self, index: u64, answer: std::result::Result<Option<Error>, String>) {
         let panicked = |message| Error::Panicked { segmentor: self.segmentor.name().into(), window: index, message };
         let error = answer.unwrap_or_else(|message| Some(panicked(message)));
         self.give_up(error);
     }
 
+    /// Gives up all windows that have not been woven.
     fn give_up(&mut self, failure: Option<Error>) {
         self.failure = failure;
         self.revisit = None;

@@ -14,7 +14,7 @@ use crate::attribute::is_same_name;
 use crate::error::{Error, Result};
 use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
-use crate::neighborhood::Search;
+use crate::neighborhood::{Grid, Search};
 use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
 use crate::window::Window;
@@ -24,6 +24,9 @@ const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
 
 /// More neighbors than this are searched for again rather than kept for all points at the same time.
 const MOST_KEPT: usize = 256;
+
+/// Bytes of a point in a window that is made of another: position, id, what it stands for.
+const BYTES_PER_COPY: usize = 48;
 
 /// The attributes that are one vector: all from the cloud, or all computed.
 const NORMAL: [&str; 3] = ["NormalX", "NormalY", "NormalZ"];
@@ -69,7 +72,7 @@ impl Recipe {
             ingredients,
         };
         let mut needed = recipe.ingredients.segmentor.attributes();
-        let known = known_to_all(available);
+        let known = known_to_all(available, recipe.search.is_some());
         if !has_more {
             recipe.ingredients.segmentor.check(&known)?;
         }
@@ -108,7 +111,7 @@ impl Recipe {
         } else if has_more {
             self.reads.push(name.to_string());
         } else {
-            return Err(Error::unknown_attribute(name, &known_to_all(available)));
+            return Err(Error::unknown_attribute(name, &known_to_all(available, self.search.is_some())));
         }
         Ok(())
     }
@@ -229,10 +232,10 @@ fn has_normal(needed: &[String], available: &[String]) -> bool {
     NORMAL.iter().all(|part| !has(part, needed) || has(part, available))
 }
 
-/// The coordinates, the attributes of the cloud, and the features that can be computed.
-fn known_to_all(available: &[String]) -> Vec<String> {
+/// The coordinates, the attributes of the cloud, and the features, if there is a neighborhood to compute them from.
+fn known_to_all(available: &[String], has_neighborhood: bool) -> Vec<String> {
     let mut known: Vec<String> = COORDINATES.map(str::to_string).to_vec();
-    let features = Feature::ALL.iter().map(|feature| feature.name());
+    let features = Feature::ALL.iter().filter(|_| has_neighborhood).map(|feature| feature.name());
     for name in available.iter().map(String::as_str).chain(features) {
         if !known.iter().any(|other| is_same_name(other, name)) {
             known.push(name.to_string());
@@ -271,6 +274,19 @@ impl Segmentor for Recipe {
     /// What decides about a point, if the points that are looked at are those of the cloud.
     fn neighborhood(&self) -> Option<Search> {
         self.search.filter(|_| self.ingredients.stages.iter().all(|stage| stage.displacement() == 0.0))
+    }
+
+    fn bytes_per_point(&self) -> usize {
+        // What takes part is copied, with all its columns.
+        let columns = self.coordinates.len() + self.features.len() + self.reads.len();
+        let copies = (1 + self.ingredients.stages.len()) * (BYTES_PER_COPY + columns * size_of::<f64>());
+        let kept = match self.search {
+            Some(search @ Search::Nearest { k, .. }) if self.keeps_neighbors(search) => k * size_of::<u32>(),
+            _ => 0,
+        };
+        // The grid of the features is gone when the segmentor begins.
+        let working = Grid::BYTES_PER_POINT.max(self.ingredients.segmentor.bytes_per_point());
+        copies + columns * size_of::<f64>() + kept + working
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

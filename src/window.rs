@@ -20,12 +20,14 @@ use crate::span::{Extent, Span};
 pub struct WindowSize {
     spans: usize,
     overlap: usize,
+    /// So many points, halo included, a window of more spans than that may load; none = it has no more.
+    room: Option<usize>,
 }
 
 impl Default for WindowSize {
     /// The paper's: 3 spans, 1 of them shared.
     fn default() -> Self {
-        Self { spans: 3, overlap: 1 }
+        Self { spans: 3, overlap: 1, room: None }
     }
 }
 
@@ -43,10 +45,22 @@ impl WindowSize {
                 allowed: "fewer spans than the window has, or the window would never move on",
             });
         }
-        Ok(Self { spans, overlap })
+        Ok(Self { spans, overlap, room: None })
     }
 
-    /// Spans per window.
+    /// Windows of at least so many spans, and of as many more as load no more than `points` points, halo included: long
+    /// where the cloud is thin, short where it is dense.
+    #[must_use]
+    pub fn with_room(self, points: usize) -> Self {
+        Self { room: Some(points), ..self }
+    }
+
+    /// How many points windows of more spans than they need may load.
+    pub fn room(&self) -> Option<usize> {
+        self.room
+    }
+
+    /// Spans per window, or the least of them where there is room for more.
     pub fn spans(&self) -> usize {
         self.spans
     }
@@ -56,7 +70,7 @@ impl WindowSize {
         self.overlap
     }
 
-    /// By how many spans the window moves on.
+    /// By how many spans the window moves on, or the least of them where there is room for more.
     pub fn advance(&self) -> usize {
         self.spans - self.overlap
     }
@@ -479,7 +493,31 @@ impl Slider {
         let end = self.before + self.size.spans.min(there);
         let is_ready = there >= self.size.spans && self.has_halo(end);
         // When the source has ended, the last window may have fewer spans.
-        (is_ready || (self.ended && there > self.shared)).then(|| self.advance(end))
+        if !(is_ready || self.ended && there > self.shared) {
+            return None;
+        }
+        let end = self.size.room.map_or(Some(end), |room| self.fill(end, room))?;
+        Some(self.advance(end))
+    }
+
+    /// Where the own spans end if behind `end` as many more are taken as there is room for; none while that depends on
+    /// what is to come.
+    fn fill(&self, mut end: usize, room: usize) -> Option<usize> {
+        while end < self.held.len() {
+            if self.loads(end + 1) > room {
+                return Some(end);
+            }
+            if !self.has_halo(end + 1) && !self.ended {
+                return None;
+            }
+            end += 1;
+        }
+        self.ended.then_some(end)
+    }
+
+    /// How many points a window whose own spans end before `end` loads, as far as they have come.
+    fn loads(&self, end: usize) -> usize {
+        self.held.range(..end + self.after(end)).map(|span| span.len()).sum()
     }
 
     /// The first span of the next window, if it has come already.
@@ -540,7 +578,7 @@ impl Slider {
         let loaded = end + self.after(end);
         let frame =
             Frame { index: self.index, spans: self.held.range(..loaded).cloned().collect(), own: self.before..end };
-        let first = (self.before + self.size.advance()).min(end);
+        let first = end - self.size.overlap.min(end - self.before);
         self.shared = end - first;
         let kept = first - self.halo_before(first);
         self.held.drain(..kept);

@@ -10,6 +10,7 @@ mod oracle;
 mod streaming;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use clouds::{Place, cases};
 use oracle::circles::{Pair, Spot, canonical_graph};
@@ -17,10 +18,12 @@ use oracle::delaunay::{Adjacency, adjacency};
 use oracle::partition::{canonical, components};
 use oracle::radius::squared_length;
 use proptest::prelude::*;
-use streaming::static_labels;
+use streaming::{Run, static_labels, stream};
 use streamseg::lattice::{Lattice, Metric};
 use streamseg::neighborhood::Delaunay;
 use streamseg::segmentor::Proximity;
+use streamseg::span::{Direction, Source, SpanBy};
+use streamseg::window::WindowSize;
 
 /// Clouds of up to 40 points in any order, of several parts around few centers, so that they meet in special ways.
 fn cloud() -> impl Strategy<Value = Vec<Place>> {
@@ -197,11 +200,20 @@ fn segments(cloud: &[Place], graph: &BTreeSet<Pair>, squared: i64) -> Vec<i64> {
     components(cloud.len(), joined)
 }
 
+fn positions(cloud: &[Place]) -> Vec<[f64; 3]> {
+    cloud.iter().map(|place| place.map(|k| k as f64)).collect()
+}
+
+fn lattice() -> Lattice {
+    Lattice::new([1.0; 3], [0.0; 3]).unwrap()
+}
+
+fn proximity(squared: i64) -> Proximity {
+    Proximity::new((squared as f64).sqrt(), Metric::Xyz).unwrap()
+}
+
 fn segmented(cloud: &[Place], squared: i64) -> Vec<i32> {
-    let points: Vec<[f64; 3]> = cloud.iter().map(|place| place.map(|k| k as f64)).collect();
-    let lattice = Lattice::new([1.0; 3], [0.0; 3]).unwrap();
-    let segmentor = Proximity::new((squared as f64).sqrt(), Metric::Xyz).unwrap();
-    canonical(&static_labels(&points, lattice, &segmentor))
+    canonical(&static_labels(&positions(cloud), lattice(), &proximity(squared)))
 }
 
 fn squared_distance() -> impl Strategy<Value = i64> {
@@ -222,6 +234,26 @@ proptest! {
     fn segments_are_components_of_the_graph(cloud in cloud(), squared in squared_distance()) {
         let expected = segments(&cloud, &canonical_graph(&spots(&cloud)), squared);
         prop_assert_eq!(segmented(&cloud, squared), canonical(&expected));
+    }
+
+    /// So they are if windows slide over the cloud, in whatever direction, as soon as every pair in reach shares one.
+    #[test]
+    fn streamed_segments_are_components_of_the_graph(
+        cloud in cloud(), squared in squared_distance(), azimuth in -360.0f64..360.0, is_upright in any::<bool>(),
+        size in (2usize..5).prop_flat_map(|spans| (Just(spans), 1..spans)), spare in 0.0f64..1.0, threads in 1usize..3,
+    ) {
+        let reach = (squared as f64).sqrt();
+        let widest = reach.max(cloud.iter().flatten().map(|k| k.abs()).max().unwrap_or(0) as f64);
+        let by = SpanBy::Width {
+            width: reach / size.1 as f64 * (1.0 + 2e-6) + (widest - reach) * spare.powi(8),
+            direction: if is_upright { Direction::Y } else { Direction::Azimuth(azimuth) },
+        };
+        let size = WindowSize::new(size.0, size.1).unwrap();
+        let run = Run { by, size, source: Source::Stored, chunks: vec![7, 1], threads };
+        let streamed = stream(&positions(&cloud), lattice(), Arc::new(proximity(squared)), &run);
+        let expected = segments(&cloud, &canonical_graph(&spots(&cloud)), squared);
+        prop_assert_eq!(canonical(&streamed.settled), canonical(&expected));
+        prop_assert!(streamed.certificate.is_complete(), "{:?}", streamed.certificate);
     }
 
     /// Neither the order of the points nor where the cloud lies and which way it is turned makes a difference. Larger

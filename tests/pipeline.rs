@@ -6,6 +6,7 @@ mod streaming;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
 use streaming::point_ids;
 use streamseg::crew::Crew;
@@ -332,6 +333,49 @@ fn a_stopped_stream_loses_nothing_that_had_come() {
         pipeline.stop();
         points += pipeline.map(|out| out.unwrap().span.len()).sum::<usize>();
         assert_eq!(points, delivered.load(Ordering::Relaxed));
+    }
+}
+
+/// Whose patience has ended gets what has been woven, not what is under way.
+#[test]
+fn a_window_that_takes_too_long_is_given_up() {
+    struct Slow(Arc<AtomicBool>);
+    impl Segmentor for Slow {
+        fn name(&self) -> &'static str {
+            "slow"
+        }
+        fn exactness(&self) -> Exactness {
+            Exactness::Measured { reach: 0.0, halo: 0.0 }
+        }
+        fn segment(&self, window: &Window) -> Result<Segmented> {
+            while window.index() == 3 && !self.0.load(Ordering::Relaxed) {
+                std::thread::yield_now();
+            }
+            Ok(Labels::from_any(&vec![0; window.points().len()]).into())
+        }
+    }
+    for threads in [1, 2] {
+        let over = Arc::new(AtomicBool::new(false));
+        let (row, _) = counted_row();
+        let mut pipeline = streaming(row, Slow(Arc::clone(&over)), WindowSize::default(), threads);
+        pipeline.stop_within(Duration::from_secs(1000));
+        assert!(pipeline.next().is_none());
+
+        let (row, _) = counted_row();
+        let interrupts = Arc::new(AtomicBool::new(false));
+        let interrupt = Arc::clone(&interrupts);
+        let pipeline = streaming(row, Slow(Arc::clone(&over)), WindowSize::default(), threads);
+        let mut pipeline = pipeline.with_look_up(move |progress| {
+            let is_waiting = progress.windows == 3 && !interrupt.swap(true, Ordering::Relaxed);
+            if is_waiting { Err(some_failure("interrupted")) } else { Ok(()) }
+        });
+        let taken = pipeline.by_ref().take_while(std::result::Result::is_ok).count();
+        pipeline.stop_within(Duration::ZERO);
+        let left: Vec<Outgoing> = pipeline.map(Result::unwrap).collect();
+        // Windows 0 to 2 are spans 0 to 6.
+        assert_eq!(taken + left.len(), 7);
+        assert!(interrupts.load(Ordering::Relaxed));
+        over.store(true, Ordering::Relaxed);
     }
 }
 

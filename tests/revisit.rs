@@ -15,13 +15,15 @@ use oracle::partition::{canonical, components, refines};
 use oracle::radius::pairs_within;
 use proptest::prelude::*;
 use streaming::{Outcome, Run, outcome, pipeline, pipeline_with, static_labels_with, stream};
+use streamseg::error::Error;
 use streamseg::expression::Criterion;
+use streamseg::label::Labels;
 use streamseg::lattice::{Lattice, Metric};
 use streamseg::neighborhood::Search;
 use streamseg::revisit::Revisit;
-use streamseg::segmentor::{ConditionalClustering, Dbscan, Exactness, Graph, Proximity, Segmentor};
+use streamseg::segmentor::{ConditionalClustering, Dbscan, Exactness, Graph, Plane, Proximity, Segmented, Segmentor};
 use streamseg::span::{Direction, Source, SpanBy};
-use streamseg::window::WindowSize;
+use streamseg::window::{Window, WindowSize};
 
 /// Windows that may share nothing, so that all joins have to come from what was brought back.
 fn window_size() -> impl Strategy<Value = WindowSize> {
@@ -166,6 +168,42 @@ fn returned_points_are_counted_and_only_those_within_reach() {
     // Each new point of the second pass has one below it; the others lie at the ends of windows.
     assert!((300..1000).contains(&certificate.returned_points), "{certificate:?}");
     assert!(certificate.is_complete());
+}
+
+/// Takes all points of a window for one level, at the height of the last.
+struct Level;
+
+impl Segmentor for Level {
+    fn name(&self) -> &'static str {
+        "level"
+    }
+
+    fn exactness(&self) -> Exactness {
+        Exactness::Measured { reach: 1.0, halo: 0.0 }
+    }
+
+    fn segment(&self, window: &Window) -> Result<Segmented, Error> {
+        let center = window.points().last().copied().unwrap_or_default();
+        let level = Plane { center, normal: [0.0, 0.0, 1.0], sigma0: 0.0, points: 1, covariance: [0.0; 6] };
+        let labels = Labels::from_any(&vec![0; window.points().len()]);
+        Ok(Segmented { planes: Some(vec![level]), ..labels.into() })
+    }
+
+    fn agree(&self, a: &Plane, b: &Plane) -> bool {
+        (a.center[2] - b.center[2]).abs() < 1.0
+    }
+}
+
+#[test]
+fn segments_with_planes_come_back_only_if_their_planes_agree() {
+    let far = (1..6).map(|i| [10.0 * f64::from(i), 0.0, 0.0]);
+    let points: Vec<[f64; 3]> =
+        [[0.0; 3]].into_iter().chain(far).chain([[0.0, 0.0, 5.0], [0.0, 0.0, 0.5], [0.0, 0.0, 5.5]]).collect();
+    let size = WindowSize::new(1, 0).unwrap();
+    let run = Run { by: SpanBy::Count { points: 1 }, size, source: Source::Live, chunks: vec![100], threads: 1 };
+    let segmentor: Arc<dyn Segmentor> = Arc::new(Level);
+    let back = come_back(&points, &[], Lattice::REAL, &segmentor, &run, 1);
+    assert_eq!(back.settled, [1, 2, 3, 4, 5, 6, 7, 1, 7]);
 }
 
 #[test]

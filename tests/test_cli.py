@@ -87,8 +87,11 @@ def test_info_of_a_cloud_and_of_a_history(run: Run, strip: Path) -> None:
 
 WRONG = {
     "missing input": (["segment", "no.laz", "out.laz", "--distance", 1], ["no.laz", "does not exist"]),
-    "distance": (["segment", "strip.laz", "out.laz", "--distance", -1], ["distance is -1", "above 0"]),
-    "width": (["segment", "strip.laz", "out.laz", "--distance", 1, "--span-width", 0], ["width is 0", "above 0"]),
+    "distance": (["segment", "strip.laz", "out.laz", "--distance", -1], ["--distance is -1", "above 0"]),
+    "width": (
+        ["segment", "strip.laz", "out.laz", "--distance", 1, "--span-width", 0],
+        ["--span-width is 0", "above 0"],
+    ),
     "overlap": (["segment", "strip.laz", "out.laz", "--distance", 1, "--overlap", 3], ["overlap is 3 of 3 spans"]),
     "direction": (["segment", "strip.laz", "out.laz", "--distance", 1, "--direction", "up"], ["'up'", "'x', 'y'"]),
     "threads": (["segment", "strip.laz", "out.laz", "--distance", 1, "--threads", 0], ["threads is 0"]),
@@ -174,7 +177,8 @@ def test_invalid_points_are_rejected_or_dropped(run: Run, tmp_path: Path) -> Non
     assert len(laspy.read(tmp_path / "out.las")) == 2
 
 
-def test_an_interrupt_leaves_what_was_done(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_leaves_what_was_done(tmp_path: Path, number: signal.Signals) -> None:
     ss.scenes.write(tmp_path / "strip.las", "airborne", 1_500_000)
     command = [sys.executable, "-m", "streamseg", "segment", "strip.las", "out.las", "--distance", "1"]
     command += ["--span-count", "20000", "--threads", "1", "--history", "past"]
@@ -184,9 +188,9 @@ def test_an_interrupt_leaves_what_was_done(tmp_path: Path) -> None:
     while not manifest.exists() or '"parts": 0' in manifest.read_text():
         assert process.poll() is None
         time.sleep(0.005)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, told = process.communicate(timeout=120)
-    assert process.returncode == 130
+    assert process.returncode == 128 + number
     assert "interrupted" in told
     history = ss.History(tmp_path / "past")
     assert history.manifest["complete"] is False
@@ -195,6 +199,23 @@ def test_an_interrupt_leaves_what_was_done(tmp_path: Path) -> None:
     kept = laspy.read(tmp_path / "out.las")
     assert len(kept) == points
     assert kept["SegmentID"].min() >= 1
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interrupt_does_not_wait_for_a_window_that_takes_minutes(tmp_path: Path, threads: int) -> None:
+    np.save(tmp_path / "in.npy", np.random.default_rng(0).random((300_000, 3)))
+    command = [sys.executable, "-m", "streamseg", "segment", "in.npy", "out.npy", "--method", "growing"]
+    command += ["--k", "90000", "--threads", str(threads), "--history", "past"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "past" / "manifest.json").exists():
+        assert process.poll() is None
+        time.sleep(0.005)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert told == "streamseg: interrupted; out.npy has not been written, because no window had been segmented yet\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.npy", "past"]
+    assert ss.History(tmp_path / "past").manifest["points"] == 0
 
 
 def test_a_history_of_something_else_is_refused(run: Run, strip: Path, tmp_path: Path) -> None:

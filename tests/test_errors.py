@@ -281,6 +281,7 @@ def test_every_error_derives_from_the_root_and_from_what_people_expect() -> None
     expected = {
         ss.InvalidInput: ValueError,
         ss.InvalidParameter: ValueError,
+        ss.InvalidType: TypeError,
         ss.SegmentorError: ValueError,
         ss.FileError: OSError,
         ss.OutputExists: FileExistsError,

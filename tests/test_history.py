@@ -284,3 +284,28 @@ def exchange(a: Path, b: Path) -> None:
     waiting = a.rename(a.with_suffix(".waiting"))
     b.rename(a)
     waiting.rename(b)
+
+
+def test_a_history_that_cannot_be_closed_costs_no_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ss.FileError("the disk is full")
+
+    np.save(tmp_path / "in.npy", np.arange(30.0).reshape(-1, 3))
+    monkeypatch.setattr("streamseg.history.HistoryWriter.close", fail)
+    for result in ("final", "carry", "history"):
+        output = tmp_path / f"{result}.npy"
+        with pytest.raises(ss.FileError, match=r"^the disk is full$"):
+            ss.segment_file(tmp_path / "in.npy", output, ss.Proximity(9.0), history=tmp_path / result, result=result)
+        assert np.load(output).tolist() == [1] * 10
+
+
+@pytest.mark.parametrize("history", ["out.npy", ".", "../run", "past"])
+def test_the_output_is_no_part_of_the_history(tmp_path: Path, history: str) -> None:
+    folder = tmp_path / "run"
+    (folder / "past").mkdir(parents=True)
+    np.save(folder / "in.npy", np.zeros((5, 3)))
+    output = folder / "past" / "out.npy" if history == "past" else folder / "out.npy"
+    with pytest.raises(ss.InvalidParameter, match=r"^history is .*, allowed: a folder that the output .* is not in$"):
+        ss.segment_file(folder / "in.npy", output, ss.Proximity(1.0), history=folder / history)
+    assert not output.exists()
+    assert sorted(path.name for path in folder.iterdir()) == ["in.npy", "past"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import struct
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import laspy
 import numpy as np
 import pytest
 
-from streamseg.errors import FileError, InvalidInput, InvalidParameter
+from streamseg.errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning
 from streamseg.io import open_cloud, read_labels, write_labelled
 
 if TYPE_CHECKING:
@@ -417,3 +418,26 @@ def test_the_unit_is_known_where_the_file_says_it(data: Path) -> None:
     assert open_cloud(data / "als" / "autzen_trim.laz").unit == "ft"
     assert open_cloud(data / "als" / "hawaii_pass.laz").unit == "m"
     assert open_cloud(data / "als" / "delft_ahn3.laz").unit is None
+
+
+def test_files_of_different_coordinate_systems_and_files_given_twice_are_warned_of(tmp_path: Path) -> None:
+    def write(name: str, wkt: str | None) -> Path:
+        header = laspy.LasHeader(version="1.4", point_format=6)
+        if wkt is not None:
+            header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(wkt))
+        cloud = laspy.LasData(header)
+        cloud.x = cloud.y = cloud.z = np.arange(3.0)
+        cloud.write(str(tmp_path / name))
+        return tmp_path / name
+
+    utm = write("utm.las", 'PROJCS["UTM 32", UNIT["metre", 1]]')
+    same = write("same.las", 'PROJCS["UTM 32",UNIT["metre",1]]')
+    other = write("other.las", 'PROJCS["UTM 33",UNIT["metre",1]]')
+    silent = write("silent.las", None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        open_cloud([utm, same, silent])
+    with pytest.warns(StreamsegWarning, match=r"utm\.las and .*other\.las have different coordinate systems"):
+        open_cloud([utm, same, other])
+    with pytest.warns(StreamsegWarning, match=r"utm\.las is given more than once"):
+        open_cloud([utm, same, utm])

@@ -88,6 +88,8 @@ VARIANTS = {
     "windows.csv": "x,y,z\r\n1.5,2.25,-3\r\n4,5e3,6.125\r\n-7,8,9\r\n10,11,12\r\n",
     "named.csv": '"X","Y","Z"\n1.5,2.25,-3\n4,5e3,6.125\n-7,8,9\n10,11,12\n',
     "reordered.csv": "time,z,y,x\n0,-3,2.25,1.5\n1,6.125,5e3,4\n2,9,8,-7\n3,12,11,10\n",
+    "surveyed.csv": "id,Easting,Northing,Height\n1,1.5,2.25,-3\n2,4,5e3,6.125\n3,-7,8,9\n4,10,11,12\n",
+    "short.csv": "H;N;E;h2\n-3;2.25;1.5;0\n6.125;5e3;4;0\n9;8;-7;0\n12;11;10;0\n",
     "cloudcompare.txt": "//X Y Z Intensity\n1.5 2.25 -3 7\n4 5e3 6.125 7\n-7 8 9 7\n10 11 12 7\n",
     "comments.txt": "# by hand\n\n1.5 2.25 -3 # first\n4 5e3 6.125\n#\n\n-7 8 9\n10 11 12\n# end\n",
     "bom.csv": "\ufeffx,y,z\n1.5,2.25,-3\n4,5e3,6.125\n-7,8,9\n10,11,12\n",
@@ -133,6 +135,15 @@ def test_text_attributes(tmp_path: Path) -> None:
     assert cloud.point_count is None
     (chunk,) = cloud.chunks(attributes=["time"])
     assert chunk.attributes["time"].tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("header", ["a,b,c", "id,x,y", "lon,lat,z", "x,y,intensity"])
+def test_names_that_do_not_say_where_the_coordinates_are_are_refused(tmp_path: Path, header: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{header}\n1,2,3\n4,5,6\n")
+    with pytest.raises(
+        InvalidInput, match=f"names its columns {', '.join(header.split(','))}; which of them is .*name"
+    ):
+        open_cloud(tmp_path / "a.csv")
 
 
 def test_a_line_that_is_no_point_is_named(tmp_path: Path) -> None:

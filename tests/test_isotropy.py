@@ -53,6 +53,7 @@ def test_any_two_directions_agree(
 
 # Parameters for a forest of a few points per square meter.
 FOREST: dict[str, Any] = {
+    "delaunay xyz": ss.Proximity(1.0),
     "delaunay xy": ss.Proximity(0.4, metric="xy"),
     "radius xyz": ss.Proximity(1.0, graph="radius"),
     "dbscan": ss.Dbscan(1.2, 6),

@@ -149,9 +149,7 @@ def test_without_a_radius_the_literal_form_is_near_to_static(data: Path, width: 
         ("spinning/kitti_a.bin", [0.7, 5.0]),
     ],
 )
-def test_without_a_radius_streamed_is_static(
-    measured: Callable[[str], Cloud], name: str, widths: list[float]
-) -> None:
+def test_without_a_radius_streamed_is_static(measured: Callable[[str], Cloud], name: str, widths: list[float]) -> None:
     source = measured(name).source
     growing = ss.RegionGrowing(angle_deg=20.0)
     static = ss.segment_static(source, growing)
@@ -183,7 +181,8 @@ def test_neighbors_that_share_no_window_are_joined_in_the_history_too(tmp_path: 
         points, growing, spans=ss.SpanByWidth(0.5), window=ss.Window(2, 0), history=tmp_path / "run", result="carry"
     ) as run:
         spans = list(run)
-    assert run.warning is None and run.is_proven
+    assert run.warning is None
+    assert run.is_proven
     ids = np.concatenate([span.segment_ids for span in spans])
     order = np.concatenate([span.point_ids for span in spans])
     assert same(run.resolve(ids)[np.argsort(order)], static)
@@ -203,7 +202,8 @@ def test_points_that_a_live_source_leaves_undecided_are_warned_of() -> None:
         assert not run.is_identical
         with pytest.warns(ss.StreamsegWarning, match="points were left undecided.*give a search_radius") as caught:
             ids = np.concatenate([span.segment_ids for span in run])
-    assert len(caught) == 1 and not run.is_proven
+    assert len(caught) == 1
+    assert not run.is_proven
     undecided = run.certificate.undecided_points
     assert 0 < undecided <= len(points)
     assert str(caught[0].message).startswith(f"{undecided} points")

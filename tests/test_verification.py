@@ -207,7 +207,18 @@ def test_what_should_be_identical_and_is_not_is_called_a_defect(monkeypatch: pyt
 
 
 def test_doubts_are_told_with_their_number() -> None:
-    certificate = ss.Certificate(10, 2, 30, 1, 4, 5, 6)
+    none = ss.Certificate(*[0] * len(ss.Certificate._fields))
+    assert (str(none), none.doubts) == ("nothing to count", ())
+    certificate = none._replace(
+        decided_edges=10,
+        undecided_edges=2,
+        decided_points=30,
+        undecided_points=1,
+        returned_points=4,
+        waited_points=5,
+        most_waiting=3,
+        early_decisions=6,
+    )
     assert not certificate.is_complete
     assert [doubt.split(" could")[0].split(" went")[0].split(" were")[0] for doubt in certificate.doubts] == [
         "2 edges",
@@ -215,9 +226,10 @@ def test_doubts_are_told_with_their_number() -> None:
         "6 points",
     ]
     assert str(certificate) == (
-        "2 of 12 edges undecided, 1 of 31 points undecided, 4 points returned, 5 points waited, 6 early decisions"
+        "2 of 12 edges undecided, 1 of 31 points undecided, 4 points returned, "
+        "5 points waited, 3 at a time, 6 early decisions"
     )
-    complete = ss.Certificate(1_234_567, 0, 0, 0, 0, 0, 0)
+    complete = none._replace(decided_edges=1_234_567)
     assert (str(complete), complete.doubts) == ("0 of 1,234,567 edges undecided", ())
 
 
@@ -232,7 +244,7 @@ def test_a_run_is_proven_only_when_it_has_ended() -> None:
     with ss.stream(CLOUD, FAR, spans=ss.SpanByCount(100)) as run:
         for _ in run:
             pass
-    assert run.certificate.is_complete
+    assert not run.is_identical
     assert not run.is_proven
 
 
@@ -283,6 +295,23 @@ def test_what_can_be_read_only_once_is_refused() -> None:
     with pytest.raises(ss.InvalidInput, match="generator, which can be read only once"):
         ss.verify(live, FAR)
     assert sum(map(len, live)) == 1500, "nothing has been taken from it"
+
+
+class Measuring:
+    """A source that measures the same again each time, in strips from end to end of the cloud."""
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        yield from np.array_split(CLOUD, 12)
+
+
+def test_of_streams_that_come_back_it_is_known_what_was_decided_too_early() -> None:
+    assert ss.verify(Measuring(), ss.Proximity(0.6, graph="radius"), revisit=True).is_identical
+    assert ss.verify(CLOUD, ss.Proximity(1.0), spans=ss.SpanByCount(100), revisit=True).is_proven
+    found = ss.verify(Measuring(), ss.Proximity(1.0), revisit=True)
+    assert not found.is_identical
+    assert found.certificate.early_decisions
+    (reason,) = found.reasons
+    assert "points were decided though more of the cloud could still come" in reason
 
 
 class Dwindling:

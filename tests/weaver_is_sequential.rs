@@ -124,8 +124,12 @@ fn is_late(row: &SegmentRow) -> bool {
 /// Weaves a script and its twin side by side and compares after every window.
 fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, SequentialWeaver), TestCaseError> {
     let awaited: Vec<SegmentId> = script.late.iter().flat_map(|(_, pair)| *pair).collect();
-    // Either way to remember those that have gone.
-    let out_of_scope = if script.labels.len().is_multiple_of(2) { OutOfScope::all() } else { OutOfScope::awaited() };
+    // All ways to remember those that have gone.
+    let out_of_scope = match script.labels.len() % 3 {
+        0 => OutOfScope::all(),
+        1 => OutOfScope::all_but_few_on_disk(3),
+        _ => OutOfScope::awaited(),
+    };
     let (mut weaver, mut twin) = (Weaver::with_late_joins(out_of_scope), SequentialWeaver::default());
     let mut late_rows = Vec::new();
     let crew = Crew::new(threads).unwrap();

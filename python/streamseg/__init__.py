@@ -5,10 +5,12 @@ and `verify` compares them; `segment_file` and `resolve_file` go from file to fi
 like around each point.
 """
 
+from . import built as built  # first: it tells of a core that is not up to date
 from . import scenes
 from ._core import (
     ConditionalClustering,
     Dbscan,
+    Plan,
     PlaneExtraction,
     Proximity,
     RadiusOutlierRemoval,
@@ -29,6 +31,7 @@ from .errors import (
     FileError,
     InvalidInput,
     InvalidParameter,
+    InvalidType,
     MissingExtra,
     OutputExists,
     SegmentorError,
@@ -39,6 +42,7 @@ from .errors import (
 from .features import features
 from .files import Outcome, resolve_file, segment_file
 from .history import History
+from .plan import plan
 from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
@@ -54,10 +58,12 @@ __all__ = [
     "History",
     "InvalidInput",
     "InvalidParameter",
+    "InvalidType",
     "LeftOut",
     "MissingExtra",
     "Outcome",
     "OutputExists",
+    "Plan",
     "PlaneExtraction",
     "Progress",
     "Proximity",
@@ -82,6 +88,7 @@ __all__ = [
     "WindowPoints",
     "__version__",
     "features",
+    "plan",
     "plugin",
     "plugin_names",
     "prepare",

@@ -16,6 +16,7 @@ __all__ = [
     "Dbscan",
     "FeatureSurvey",
     "Pipeline",
+    "Plan",
     "PlaneExtraction",
     "Proximity",
     "RadiusOutlierRemoval",
@@ -43,12 +44,25 @@ __all__ = [
     "_features",
     "_halo_of",
     "_measure",
+    "_plan",
+    "_stub",
     "default_spans",
 ]
 
 __version__: str
+_stub: str
 
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
+def _plan(
+    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    recipe: Recipe,
+    max_memory: int | str | None,
+    *,
+    scale: _Triple | None,
+    offset: _Triple | None,
+    with_history: bool,
+    drop_invalid: bool,
+) -> Plan: ...
 def _features(
     chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
     names: Sequence[str],
@@ -210,7 +224,7 @@ _LatticeOf = tuple[_Triple, _Triple]
 @final
 class StatisticalOutlierRemoval:
     def __new__(
-        cls, k: int = 8, multiplier: float = 2.0, dialect: str = "pcl", statistics: str | _Statistics | None = None
+        cls, k: int = ..., multiplier: float = ..., dialect: str = "pcl", statistics: str | _Statistics | None = None
     ) -> StatisticalOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[int, float, str, str | _Statistics]: ...
     @property
@@ -228,7 +242,7 @@ class StatisticalOutlierRemoval:
 
 @final
 class RadiusOutlierRemoval:
-    def __new__(cls, radius: float, min_neighbors: int = 2) -> RadiusOutlierRemoval: ...
+    def __new__(cls, radius: float, min_neighbors: int = ...) -> RadiusOutlierRemoval: ...
     def __getnewargs__(self) -> tuple[float, int]: ...
     @property
     def radius(self) -> float: ...
@@ -327,6 +341,29 @@ class SpanByWidth:
     def direction(self) -> str | float: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Plan:
+    @property
+    def width(self) -> float: ...
+    @property
+    def points_per_span(self) -> int: ...
+    @property
+    def direction(self) -> str: ...
+    @property
+    def points_per_window(self) -> int: ...
+    @property
+    def at_a_time(self) -> int: ...
+    @property
+    def windows(self) -> int: ...
+    @property
+    def most_points(self) -> int: ...
+    @property
+    def warning(self) -> str | None: ...
+    @property
+    def window(self) -> Window: ...
+    def peak(self, threads: int) -> int: ...
+    def explain(self, threads: int) -> list[tuple[str, str]]: ...
 
 @final
 class SpanByCount:
@@ -431,7 +468,7 @@ class Pipeline:
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
         counts: SlabCounts | None = None,
-        min_segment_size: int = 1,
+        min_segment_size: int = ...,
         max_segment_size: int | None = None,
         sort: str = "native",
         revisit: bool = False,
@@ -450,7 +487,7 @@ class Pipeline:
     def __next__(self, /) -> Span: ...
     def acknowledge(self) -> None: ...
     def is_ended(self) -> bool: ...
-    def stop(self) -> None: ...
+    def stop(self, patience: float | None = None) -> None: ...
     @property
     def min_segment_size(self) -> int: ...
     @property

@@ -56,20 +56,25 @@ def _of_history(folder: Path) -> Iterator[tuple[str, str]]:
 def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
     cloud = open_cloud(path)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    points = 0
+    points = invalid = 0
     steps = np.zeros(2, np.int64)
     last: np.ndarray | None = None
     for chunk in cloud.chunks():
         real = cloud.lattice.to_coordinates(chunk.points)
         real = real[np.isfinite(real).all(axis=1)]
+        points += len(chunk.points)
+        invalid += len(chunk.points) - len(real)
         if not len(real):
             continue
-        points += len(chunk.points)
         low, high = np.minimum(low, real.min(axis=0)), np.maximum(high, real.max(axis=0))
         sequence = real[:, :2] if last is None else np.vstack([last, real[:, :2]])
         steps += (np.diff(sequence, axis=0) < 0).sum(axis=0)
         last = real[-1:, :2]
     yield "points", f"{points:,}"
+    if cloud.damage:
+        yield "damage", cloud.damage
+    if invalid:
+        yield "invalid", f"{invalid:,} points have no finite coordinates; --drop-invalid gives them no segment"
     if not cloud.lattice.is_identity:
         yield (
             "lattice",
@@ -82,8 +87,6 @@ def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
         yield "order", f"sorted along {' and '.join(sorted_along)}" if sorted_along else "sorted along neither x nor y"
         yield from _suggestion(path, points, high - low)
     yield "dimensions", ", ".join(cloud.dimensions)
-    if cloud.damage:
-        yield "damage", cloud.damage
 
 
 def _suggestion(path: Path, points: int, extent: np.ndarray) -> Iterator[tuple[str, str]]:

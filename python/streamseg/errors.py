@@ -20,6 +20,10 @@ class InvalidParameter(StreamsegError, ValueError):
     """A parameter has a value outside what is allowed."""
 
 
+class InvalidType(InvalidParameter, TypeError):
+    """A parameter is something else than what is allowed."""
+
+
 class SegmentorError(StreamsegError, ValueError):
     """A segmentor returned something that is not one label per point."""
 

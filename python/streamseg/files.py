@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import signal
 import threading
 from collections.abc import Callable, Sequence
@@ -10,12 +11,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
-from .errors import InvalidInput, warn
+from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
-from .run import SpanBy, Stages, stream
+from .plan import MaxMemory, Stages
+from .run import Spans, stream
 from .source import PathLike, counted, open_source
-from .stream import Certificate, LeftOut, Progress, Result, Stream
+from .stream import PATIENCE, Certificate, LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):
@@ -46,8 +48,9 @@ def segment_file(
     output: PathLike,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     history: PathLike | None = None,
     result: Result = "final",
     threads: int | None = None,
@@ -68,7 +71,7 @@ def segment_file(
         LAS, LAZ, NumPy or text, all of one kind.
     output : path
         LAS or LAZ keeps every dimension of the input and adds ``SegmentID``; see `streamseg.io.write_labelled`.
-    segmentor, spans, window, history, threads, drop_invalid, preprocess, revisit
+    segmentor, spans, window, max_memory, history, threads, drop_invalid, preprocess, revisit
         As for `stream`.
     result : {"final", "carry", "history"}, default "final"
         Which ids are written.
@@ -99,9 +102,11 @@ def segment_file(
     >>> ss.segment_file(f"{folder}/in.xyz", f"{folder}/out.xyz", ss.Proximity(1.0)).points
     5
     """
-    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
-    output = Path(output)
+    paths, output = _as_paths(inputs), Path(output)
     check_output(output, paths, overwrite)
+    is_new_history = history is not None and not Path(history).exists()
+    if history is not None:
+        _check_apart(Path(history), output)
     cloud = open_cloud(paths)
     check_kind(cloud, output)
     if on_open is not None:
@@ -114,6 +119,7 @@ def segment_file(
             segmentor,
             spans=spans,
             window=window,
+            max_memory=max_memory,
             history=history,
             result=result,
             threads=threads,
@@ -132,12 +138,14 @@ def segment_file(
             except (Exception, KeyboardInterrupt) as early:
                 failure = early
                 interrupt.disarm()
-                run.stop()
+                run.stop(None if isinstance(early, Exception) else PATIENCE)
                 with contextlib.suppress(Exception):
                     aliases += _label(run, labels)
         interrupt.disarm()
         progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
+            if is_new_history and isinstance(failure, InvalidInput):
+                shutil.rmtree(str(history), ignore_errors=True)
             raise failure
         points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
     if failure is not None:
@@ -154,6 +162,19 @@ def segment_file(
         run.is_proven,
         cloud.damage,
     )
+
+
+def _as_paths(inputs: PathLike | Sequence[PathLike]) -> list[Path]:
+    paths = [inputs] if isinstance(inputs, (str, Path)) else inputs
+    if not isinstance(paths, (list, tuple)) or not all(isinstance(path, (str, Path)) for path in paths):
+        raise InvalidType(f"inputs is {type(inputs).__name__}, allowed: a path or several; for an array use segment")
+    return [Path(path) for path in paths]
+
+
+def _check_apart(history: Path, output: Path) -> None:
+    """Refuse an output that is the folder of the history, or lies in it."""
+    if history.resolve() in (output.resolve(), *output.resolve().parents):
+        raise InvalidParameter(f"history is {history}, allowed: a folder that the output {output} is not in")
 
 
 class _Interrupt:
@@ -251,8 +272,7 @@ def resolve_file(
     >>> ss.resolve_file(past, f"{folder}/in.npy", f"{folder}/again.npy")
     5
     """
-    paths = [Path(inputs)] if isinstance(inputs, (str, Path)) else [Path(path) for path in inputs]
-    output = Path(output)
+    paths, output = _as_paths(inputs), Path(output)
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)

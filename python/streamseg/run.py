@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from ._core import (
     Pipeline,
+    Plan,
     Recipe,
     SlabCounts,
     SpanByCount,
@@ -20,16 +21,18 @@ from ._core import (
     Window,
     default_spans,
 )
-from .errors import InvalidParameter, warn
+from .errors import InvalidParameter, InvalidType, warn
 from .finalization import slabs_for
 from .history import HistoryWriter
-from .preprocessing import Stage, prepare
+from .plan import MaxMemory, Stages, planned, recipe_for
 from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
 from .stream import RESULTS, Ids, Progress, Result, Stream
 
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
+Spans = SpanBy | Plan | Literal["auto"]
 
-Stages = Stage | Sequence[Stage]
+# More threads than this are a slip.
+_MOST_THREADS = 1024
 
 # What every segmentor may say of the segments that final results keep.
 SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
@@ -39,8 +42,9 @@ def stream(
     source: Any,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     history: PathLike | None = None,
     result: Result = "carry",
     threads: int | None = None,
@@ -63,11 +67,15 @@ def stream(
         Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none.
         If it has them, its attributes ``min_segment_size`` and ``max_segment_size`` (in points) and ``sort`` ("native",
         "ascending" or "descending", by size) say which segments final ids keep and how they are numbered.
-    spans : SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine, optional
+    spans : SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine, Plan or "auto", optional
         How the cloud is cut. Default: a live source as given, one span per array; else spans as wide as 20 times the
-        segmentor's reach, or of 100 000 points if it has none.
+        segmentor's reach, or of 100 000 points if it has none. "auto" reads a stored cloud once more beforehand and
+        chooses spans and windows that keep to `max_memory` wherever the cloud is dense or thin (see `plan`).
     window : Window, default Window(3, 1)
-        How many spans are segmented together, and how many of them two windows share.
+        How many spans are segmented together, and how many of them two windows share. Not with a plan, which says it.
+    max_memory : int or str, default "512MB" with spans="auto"
+        The most memory that a run from file to file may take, in bytes or such as "256MB" or "1.5 GiB"; means
+        ``spans="auto"``.
     history : path, optional
         Folder for the history, which keeps the whole story (needs ``pip install streamseg[history]``).
     result : {"carry", "history", "final"}, default "carry"
@@ -106,7 +114,8 @@ def stream(
     Warns
     -----
     StreamsegWarning
-        If the spans break the condition under which streamed equals static, or a file is damaged.
+        If the spans break the condition under which streamed equals static, a file is damaged, or not even the smallest
+        windows keep to `max_memory`.
 
     Raises
     ------
@@ -123,23 +132,31 @@ def stream(
     """
     if result not in RESULTS:
         raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    opened = laid_out(open_source(source, attributes), spans, read_twice=revisit)
-    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
-    if spans is None and opened.stored and not opened.can_be_stored:
+    is_planned = _is_planned(spans, window, max_memory)
+    opened = laid_out(open_source(source, attributes), spans, read_twice=revisit or is_planned)
+    recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
+    if is_planned:
+        spans = planned(opened, recipe, max_memory, drop_invalid=drop_invalid, with_history=history is not None)
+    elif spans is None and opened.stored and not opened.can_be_stored:
         spans = default_spans(recipe, opened.point_count, opened.extent_x)
+    if isinstance(spans, Plan):
+        window, threads = spans.window, min(threads or cores(), spans.at_a_time)
+        if spans.warning:
+            warn(spans.warning)
     slabs, counts = spans, None
-    if revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, SpanByWidth):
+    waits = revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, (SpanByWidth, Plan))
+    if waits:
         slabs, counts = slabs_for(opened, recipe, drop_invalid=drop_invalid, on_progress=_named(on_progress))
     core = _pipeline(
         opened,
         segmentor,
         recipe,
-        spans,
-        window or Window(),
+        slabs if counts is None else spans,
+        Window() if window is None else window,
         threads,
         drop_invalid,
         on_progress,
-        revisit=revisit and counts is None,
+        revisit=revisit and not waits,
         counts=counts,
     )
     if core.sort != "native" and result != "final":
@@ -156,7 +173,7 @@ def stream(
             "spans": repr(spans),
             "window": repr(window or Window()),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
-            **({"revisit": True, "slabs": repr(slabs)} if counts is not None else {"revisit": True} if revisit else {}),
+            **({"revisit": True, "slabs": repr(slabs)} if waits else {"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
@@ -165,22 +182,30 @@ def stream(
     return Stream(opened, core, result, writer, with_points)
 
 
+def _is_planned(spans: Any, window: Window | None, max_memory: MaxMemory | None) -> bool:
+    """Whether spans and windows are to be chosen."""
+    if isinstance(spans, str) and spans != "auto":
+        raise InvalidParameter(
+            f"spans is {spans!r}, allowed: 'auto', SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine or a Plan"
+        )
+    is_auto = isinstance(spans, str) or (spans is None and max_memory is not None)
+    if max_memory is not None and not is_auto:
+        raise InvalidParameter(f"max_memory is {max_memory!r} with {spans!r}, allowed: with spans='auto' or no spans")
+    if window is not None and (is_auto or isinstance(spans, Plan)):
+        raise InvalidParameter(f"window is {window!r} with a plan, allowed: none; the plan says how large windows are")
+    return is_auto
+
+
 def _named(on_progress: Callable[[Progress], None] | None) -> Callable[[tuple[Any, ...]], None] | None:
     """Give the numbers of the core their names."""
     return None if on_progress is None else lambda progress: on_progress(Progress(*progress))
-
-
-def _recipe(segmentor: Any, stages: Stages, source: Source, drop_invalid: bool) -> Recipe:
-    """Prepare all that is done to a window; measures the cloud where a stage needs it."""
-    ready = prepare(stages, source, drop_invalid=drop_invalid) if stages else []
-    return Recipe(segmentor, ready, list(source.attributes), source.has_more)
 
 
 def _pipeline(
     source: Source,
     segmentor: Any,
     recipe: Recipe,
-    spans: SpanBy | None,
+    spans: Spans | None,
     window: Window,
     threads: int | None,
     drop_invalid: bool,
@@ -189,9 +214,16 @@ def _pipeline(
     counts: SlabCounts | None = None,
 ) -> Pipeline:
     if threads is None:
-        threads = _cores() if source.stored else 1
-    elif threads < 1:
-        raise InvalidParameter(f"threads is {threads}, allowed: a whole number of at least 1")
+        threads = cores() if source.stored else 1
+    elif not isinstance(threads, (int, np.integer)) or isinstance(threads, bool):
+        raise InvalidType(f"threads is {threads!r}, allowed: a whole number of at least 1")
+    elif not 1 <= threads <= _MOST_THREADS:
+        given = threads if abs(threads) < 2**63 else "too large"
+        raise InvalidParameter(
+            f"threads is {given}, allowed: a whole number of at least 1, and at most {_MOST_THREADS}"
+        )
+    if not isinstance(window, Window):
+        raise InvalidType(f"window is {window!r}, allowed: a Window, such as Window(3, 1)")
     return Pipeline(
         source.chunks((*needed_by(spans), *recipe.reads)),
         recipe,
@@ -209,7 +241,8 @@ def _pipeline(
     )
 
 
-def _cores() -> int:
+def cores() -> int:
+    """How many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -219,8 +252,9 @@ def segment(
     source: Any,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     threads: int | None = None,
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
@@ -231,7 +265,7 @@ def segment(
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, revisit
+    source, segmentor, spans, window, max_memory, threads, drop_invalid, attributes, preprocess, revisit
         As for `stream`. A live source has to end.
 
     Returns
@@ -250,6 +284,7 @@ def segment(
         segmentor,
         spans=spans,
         window=window,
+        max_memory=max_memory,
         threads=threads,
         drop_invalid=drop_invalid,
         attributes=attributes,
@@ -289,7 +324,7 @@ def segment_static(
     """
     whole = SpanByCount(np.iinfo(np.int64).max)
     opened = open_source(source, attributes)
-    recipe = _recipe(segmentor, preprocess, opened, drop_invalid)
+    recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
     core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
     return in_input_order(Stream(opened, core, "final", None, with_points=False))
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from io import IOBase
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import SpanByScanLine, SpanByTime, SpanByWidth
+from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth
 from .errors import InvalidInput
 from .io import Cloud, open_cloud
 
@@ -61,11 +62,11 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
         return _of_cloud(source)
     if isinstance(source, (str, Path)):
         return _of_cloud(open_cloud(source))
+    if hasattr(source, "__array__") or isinstance(source, memoryview) or _is_nested_list(source):
+        return _of_array(_as_array(source), attributes or {})
     if isinstance(source, Sequence) and source and all(isinstance(item, (str, Path)) for item in source):
         return _of_cloud(open_cloud(source))
-    if hasattr(source, "__array__") or _is_nested_list(source):
-        return _of_array(_as_array(source), attributes or {})
-    if isinstance(source, Iterable) and not isinstance(source, bytes):
+    if isinstance(source, Iterable) and not isinstance(source, (bytes, bytearray, IOBase)):
         if isinstance(attributes, Mapping):
             raise InvalidInput(
                 "attributes is a mapping, expected names, because the items of a live source bring theirs along: "
@@ -79,8 +80,13 @@ def open_source(source: Any, attributes: Attributes | None = None) -> Source:
 
 def laid_out(source: Source, spans: Spans, *, read_twice: bool = False) -> Source:
     """Take a list of arrays as stored if spans by width need it: any of its points may be the first of a slab."""
-    is_needed = read_twice or isinstance(spans, SpanByWidth)
-    return source._replace(stored=True) if source.can_be_stored and is_needed else source
+    is_needed = read_twice or isinstance(spans, (SpanByWidth, Plan))
+    return as_stored(source) if is_needed else source
+
+
+def as_stored(source: Source) -> Source:
+    """Take a list of arrays as stored: it can be read to its end, and again."""
+    return source._replace(stored=True) if source.can_be_stored else source
 
 
 def needed_by(spans: Spans) -> tuple[str, ...]:
@@ -101,6 +107,9 @@ def _is_nested_list(source: Any) -> bool:
 
 
 def _as_array(source: Any) -> NDArray[Any]:
+    if isinstance(source, np.ma.MaskedArray) and source.dtype.kind in "fiu":
+        # What is masked has no value, like NaN.
+        return np.where(np.ma.getmaskarray(source), np.nan, np.ma.getdata(source))
     try:
         return np.asarray(source)
     except ValueError as error:
@@ -129,11 +138,15 @@ def _of_cloud(cloud: Cloud) -> Source:
 def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if points.size and (points.ndim != 2 or points.shape[1] != 3):
         raise InvalidInput(f"points has shape {points.shape}, expected (n, 3): x, y and z")
+    if points.dtype.kind == "b":
+        raise InvalidInput("points is an array of bool that is no array of numbers, expected shape (n, 3)")
     if not isinstance(attributes, Mapping):
         given = type(attributes).__name__
         raise InvalidInput(
             f"attributes is a {given}, expected a mapping of name to (n,) array, such as {{'Intensity': …}}"
         )
+    if odd := [name for name in attributes if not isinstance(name, str)]:
+        raise InvalidInput(f"attributes has the name {odd[0]!r}, expected text, such as 'Intensity'")
     columns = {name: _column(name, values, len(points)) for name, values in attributes.items()}
     if twins := _twins(columns):
         raise InvalidInput(f"attributes has {' and '.join(map(repr, twins))}, which are one name; give one of them")

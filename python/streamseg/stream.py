@@ -26,6 +26,9 @@ RESULTS = ("history", "carry", "final")
 
 _NO_ALIASES: Ids = np.empty((0, 2), np.int64)
 
+# Who presses Ctrl-C waits no longer than this for windows under way, in seconds.
+PATIENCE = 1.0
+
 
 class Progress(NamedTuple):
     """How far a run is."""
@@ -85,7 +88,7 @@ class Certificate(NamedTuple):
             (
                 self.early_decisions,
                 "points were decided though more of the cloud could still come to where they are; "
-                "only of a file or an array is known what is still to come",
+                "use spans by width, or revisit=True with a file or an array",
             ),
         )
         return tuple(f"{count:,} {sentence}" for count, sentence in kinds if count)
@@ -97,7 +100,7 @@ class Certificate(NamedTuple):
             (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
             (points, f"{self.undecided_points:,} of {points:,} points undecided"),
             (self.returned_points, f"{self.returned_points:,} points returned"),
-            (self.waited_points, f"{self.waited_points:,} points waited"),
+            (self.waited_points, f"{self.waited_points:,} points waited, {self.most_waiting:,} at a time"),
             (self.early_decisions, f"{self.early_decisions:,} early decisions"),
         )
         return ", ".join(told for count, told in counts if count) or "nothing to count"
@@ -139,7 +142,8 @@ class Stream:
     """Spans as they go out of scope, in order. Made by `stream`.
 
     An iterator and a context manager: leaving the ``with`` block stops the source; if there is a history, what has come
-    so far is still segmented and written, and the history is closed.
+    so far is still segmented and written, and the history is closed. Left by a KeyboardInterrupt, it waits a second for
+    that, no more: windows that are not segmented by then are given up.
 
     Attributes
     ----------
@@ -202,7 +206,8 @@ class Stream:
     def __exit__(
         self, kind: type[BaseException] | None, exception: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self.close()
+        is_interrupted = kind is not None and not issubclass(kind, Exception)
+        self._close(patience=PATIENCE if is_interrupted else None)
 
     @property
     def progress(self) -> Progress:
@@ -249,28 +254,41 @@ class Stream:
         Raises
         ------
         InvalidInput
-            If the ids are not whole numbers in one dimension.
+            If the ids are not whole numbers in one dimension, or not those of this stream.
         InvalidParameter
             If limits are to apply before the stream has ended.
         """
         asked = np.asarray(ids)
         if asked.ndim != 1 or (asked.size and asked.dtype.kind not in "iu"):
             raise InvalidInput(f"ids is {asked.dtype} of shape {asked.shape}, expected whole numbers of shape (n,)")
+        given = self._core.progress()[3]
+        if odd := asked[(asked < -1) | (asked == 0) | (asked > given)][:1].tolist():
+            raise InvalidInput(f"ids has {odd[0]}, which this stream has not given; it has given 1 to {given}")
         if limits and not self._core.is_ended():
             raise InvalidParameter(
                 "limits is True before the stream has ended, allowed: after that; sizes are not known before"
             )
         return self._core.resolve(np.ascontiguousarray(asked, np.int64), limits)
 
-    def stop(self) -> None:
-        """Ask the source for no further span; what has come is still segmented and comes out."""
-        self._core.stop()
+    def stop(self, patience: float | None = None) -> None:
+        """Ask the source for no further span; what has come is still segmented and comes out.
+
+        Parameters
+        ----------
+        patience : float, optional
+            After so many seconds, windows that are not segmented yet are given up: those of their points that no window
+            before them had do not come out. Default: none is.
+        """
+        self._core.stop(patience)
         self._stopped = True
 
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same."""
+        self._close(patience=None)
+
+    def _close(self, patience: float | None) -> None:
         if not self._ended:
-            self.stop()
+            self.stop(patience)
             if self._history is not None:
                 with contextlib.suppress(StopIteration):
                     while True:
@@ -313,13 +331,18 @@ class Stream:
 
     def _end(self, *, complete: bool) -> None:
         if self._history is not None:
-            self._history.close(complete=complete, certificate=self.certificate._asdict())
+            try:
+                self._history.close(complete=complete, certificate=self.certificate._asdict())
+            except StreamsegError:
+                # Told once: what was segmented comes out all the same.
+                self._history, self._ended = None, True
+                raise
             self._history = None
         ended_before, self._ended = self._ended, True
         if self.exactness == "B" and not ended_before and (undecided := self.certificate.undecided_points):
             warn(
-                f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result may "
-                "differ from the static one there; give a search_radius, or the cloud as a file or an array"
+                f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result "
+                "may differ from the static one there; give a search_radius, or the cloud as a file or an array"
             )
 
     def _next_settled(self, settlement: Settlement) -> Span:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ._core import SpanByCount, SpanByScanLine, SpanByTime, Window
 from .comparison import Difference, Ids, compare
 from .errors import InvalidInput, StreamsegWarning, warn
-from .run import SpanBy, Stages, in_input_order, segment_static, stream
+from .plan import MaxMemory, Stages
+from .run import Spans, in_input_order, segment_static, stream
 from .source import Attributes, Source, open_source
 from .stream import Certificate, Progress, Stream
 
@@ -96,8 +97,9 @@ def verify(
     source: Any,
     segmentor: Any,
     *,
-    spans: SpanBy | None = None,
+    spans: Spans | None = None,
     window: Window | None = None,
+    max_memory: MaxMemory | None = None,
     threads: int | None = None,
     drop_invalid: bool = False,
     attributes: Attributes | None = None,
@@ -109,7 +111,7 @@ def verify(
 
     Parameters
     ----------
-    source, segmentor, spans, window, threads, drop_invalid, attributes, preprocess, revisit, on_progress
+    source, segmentor, spans, window, max_memory, threads, drop_invalid, attributes, preprocess, revisit, on_progress
         As for `stream`. The cloud is read several times, so it cannot be an iterator, and has to fit in memory.
 
     Returns
@@ -144,19 +146,19 @@ def verify(
         )
     opened = open_source(source, attributes)
     _warn_of_size(opened.point_count)
-    more: dict[str, Any] = {"revisit": True} if revisit else {}
     run = stream(
         opened,
         segmentor,
         spans=spans,
         window=window,
+        max_memory=max_memory,
         result="final",
         threads=threads,
         drop_invalid=drop_invalid,
         preprocess=preprocess,
         on_progress=on_progress,
         with_points=False,
-        **more,
+        revisit=revisit,
     )
     with run:
         streamed = in_input_order(run)
@@ -166,7 +168,8 @@ def verify(
         static = segment_static(opened, segmentor, drop_invalid=drop_invalid, preprocess=preprocess)
     if len(static) != len(streamed):
         raise InvalidInput(f"source has {len(streamed):,} points when read once and {len(static):,} when read again")
-    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or (spans is None and not opened.stored)
+    as_given = spans is None and max_memory is None and not opened.stored
+    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or as_given
     reasons = _reasons(run, preprocess, is_in_stream_order=in_stream_order and not revisit)
     return _judge(opened, run, static, streamed, reasons)
 
@@ -195,17 +198,17 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
 def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[str]:
     """Tell why the two differ, from what is known of the run; the likeliest first."""
     reasons = [run.warning] if run.warning else []
+    if is_in_stream_order and not run.is_identical:
+        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += run.certificate.doubts
     if run.is_identical:
         return reasons or [_DEFECT]
-    if is_in_stream_order:
-        reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
     reasons += [
         f"{stage!r} judges a point by those that came before it, so it depends on the spans"
         for stage in (stages if isinstance(stages, Sequence) else [stages])
         if getattr(stage, "statistics", None) == "running"
     ]
-    if run.exactness == "C" and not is_in_stream_order:
+    if run.exactness == "C" and not (is_in_stream_order or run.certificate.early_decisions):
         reasons.append(_NO_PROMISE)
     return reasons or [run.promise]
 

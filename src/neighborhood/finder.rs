@@ -10,6 +10,7 @@ use super::grid::{Grid, Neighbor};
 use super::nearest::Nearest;
 use super::search::Search;
 use super::vicinity::{MOST, Vicinity};
+use crate::awaited::is_given_up;
 
 /// Rounding of a squared distance that was added up of two distances, with much to spare.
 const SLACK: f64 = 1e-9;
@@ -51,6 +52,10 @@ impl<'a> Finder<'a> {
 
     /// As [`Grid::neighbors`].
     pub fn neighbors(&mut self, point: u32, found: &mut Vec<Neighbor>) {
+        if is_given_up() {
+            self.grid.neighbors(point, found);
+            return;
+        }
         let place = self.grid.place(point);
         if place as usize / BLOCK != self.block {
             self.move_to(place as usize / BLOCK);

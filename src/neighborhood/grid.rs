@@ -11,6 +11,7 @@ use super::components::components;
 use super::finder::Finder;
 use super::nearest::Nearest;
 use super::search::Search;
+use crate::awaited::is_given_up;
 use crate::lattice::{Lattice, Metric, Rise, Within};
 use crate::union_find::UnionFind;
 
@@ -41,6 +42,11 @@ pub struct Grid<'a> {
     cells: Cells,
     /// Where each point is in the order of the cells.
     places: Vec<u32>,
+}
+
+impl Grid<'_> {
+    /// Bytes of memory per point, measured, those while it is made included.
+    pub const BYTES_PER_POINT: usize = 70;
 }
 
 impl<'a> Grid<'a> {
@@ -83,6 +89,11 @@ impl<'a> Grid<'a> {
     /// Replaces `found` by the neighbors of `point` and the point itself, in ascending order of (distance, point id); the
     /// point itself comes first.
     pub fn neighbors(&self, point: u32, found: &mut Vec<Neighbor>) {
+        if is_given_up() {
+            found.clear();
+            found.push(Neighbor { point, squared: 0.0 });
+            return;
+        }
         if let Search::Nearest { k, .. } = self.search {
             Nearest::search(&self.cells, self.point_ids, &self.within, self.places[point as usize], k, found);
             return;
@@ -104,6 +115,9 @@ impl<'a> Grid<'a> {
     /// Calls `visit` for all neighbors of `point` and for the point itself, in an order that is nobody's business: it
     /// depends on the window. For a number of nearest points use [`Self::neighbors`].
     pub fn for_each_neighbor(&self, point: u32, mut visit: impl FnMut(Neighbor)) {
+        if is_given_up() {
+            return;
+        }
         self.visit(self.places[point as usize], false, |neighbor| {
             visit(neighbor);
             true
@@ -112,6 +126,9 @@ impl<'a> Grid<'a> {
 
     /// Whether `point` has at least so many neighbors, itself included; stops to look when it has.
     pub fn has_neighbors(&self, point: u32, at_least: usize) -> bool {
+        if is_given_up() {
+            return false;
+        }
         let mut count = 0;
         self.visit(self.places[point as usize], false, |_| {
             count += 1;
@@ -136,7 +153,7 @@ impl<'a> Grid<'a> {
     /// Calls `visit` for every pair of neighbors once, the smaller number of the window not necessarily first. Only for
     /// symmetric searches.
     pub fn for_each_pair(&self, mut visit: impl FnMut(u32, u32)) {
-        for (place, &point) in (0..).zip(self.order()) {
+        for (place, &point) in (0..).zip(self.order()).take_while(|_| !is_given_up()) {
             self.visit(place, true, |neighbor| {
                 visit(point, neighbor.point);
                 true

@@ -2,6 +2,9 @@
 
 use crate::error::{Error, Result, at_least_one, positive};
 
+/// More neighbors than this are a slip.
+const MOST_NEIGHBORS: usize = 100_000;
+
 /// The region around a point, or the number of nearest points, in which others are its neighbors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Search {
@@ -68,9 +71,12 @@ impl Search {
     /// The `k` nearest points in space, the point itself included, none farther than `within`.
     ///
     /// # Errors
-    /// If `k` is 0, or `within` is not above 0.
+    /// If `k` is 0 or above 100 000, or `within` is not above 0.
     pub fn nearest(k: usize, within: Option<f64>) -> Result<Self> {
         let within = within.map_or(Ok(f64::INFINITY), |within| positive("search_radius", within))?;
+        if k > MOST_NEIGHBORS {
+            return Err(Error::parameter("k", k, "a whole number of 1 to 100000"));
+        }
         Ok(Search::Nearest { k: at_least_one("k", k)?, flat: false, within })
     }
 

@@ -10,6 +10,7 @@ use crate::error::Error;
 import_exception!(streamseg.errors, FileError);
 import_exception!(streamseg.errors, InvalidInput);
 import_exception!(streamseg.errors, InvalidParameter);
+import_exception!(streamseg.errors, InvalidType);
 import_exception!(streamseg.errors, SegmentorError);
 import_exception!(streamseg.errors, StreamInUse);
 import_exception!(streamseg.errors, StreamsegError);

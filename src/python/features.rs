@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use super::arrays::PyChunks;
 use super::errors::{InvalidParameter, guarded};
+use super::numbers::Whole;
 use super::searches::search;
 use crate::features::{Feature, Fit, compute};
 use crate::lattice::Lattice;
@@ -18,7 +19,7 @@ pub(super) fn _features<'py>(
     py: Python<'py>,
     chunks: &Bound<'py, PyAny>,
     names: Vec<String>,
-    k: Option<i64>,
+    k: Option<Whole>,
     search_radius: Option<&Bound<'py, PyAny>>,
     search_mode: &str,
     normals: &str,
@@ -26,6 +27,7 @@ pub(super) fn _features<'py>(
     offset: Option<[f64; 3]>,
 ) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
     let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;
+    let k = k.map(|k| k.named("k")).transpose()?;
     let search = search(k, search_radius, search_mode)?;
     let fit: Fit = normals.parse()?;
     let lattice = match (scale, offset) {

@@ -8,6 +8,8 @@ mod errors;
 mod features;
 mod finalization;
 mod history;
+mod numbers;
+mod plan;
 mod preprocessing;
 mod scenes;
 mod searches;
@@ -27,12 +29,19 @@ mod _core {
     #[allow(non_upper_case_globals)] // the name that Python people look for
     const __version__: &str = env!("CARGO_PKG_VERSION");
 
+    /// The stub that it was built with, by which the package tells whether it is up to date.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // as above
+    const _stub: &str = include_str!("../../python/streamseg/_core.pyi");
+
     #[pymodule_export]
     use super::features::_features;
     #[pymodule_export]
     use super::finalization::PySlabCounts;
     #[pymodule_export]
     use super::history::PyReplay;
+    #[pymodule_export]
+    use super::plan::{_plan, PyPlan};
     #[pymodule_export]
     use super::preprocessing::{_halo_of, _measure, PyRadiusOutlierRemoval, PyStatisticalOutlierRemoval, PyVoxelGrid};
     #[pymodule_export]

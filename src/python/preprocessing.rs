@@ -5,6 +5,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 
 use super::errors::{InvalidParameter, guarded};
+use super::numbers::{Real, Whole};
 use super::survey::{Cloud, signals};
 use crate::error::Error;
 use crate::lattice::Lattice;
@@ -66,9 +67,9 @@ enum Origin {
 #[pymethods]
 impl PyStatisticalOutlierRemoval {
     #[new]
-    #[pyo3(signature = (k = 8, multiplier = 2.0, dialect = "pcl", statistics = None))]
-    fn new(k: i64, multiplier: f64, dialect: &str, statistics: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let k = count("k", k)?;
+    #[pyo3(signature = (k = Whole::of(8), multiplier = Real::of(2.0), dialect = "pcl", statistics = None))]
+    fn new(k: Whole, multiplier: Real, dialect: &str, statistics: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let (k, multiplier) = (k.count("k")?, multiplier.named("multiplier")?);
         let removal = StatisticalOutlierRemoval::new(k, multiplier, dialect.parse()?)?;
         Ok(Self { removal, statistics: statistics.map_or(Ok(Origin::Cloud), parse_statistics)? })
     }
@@ -158,10 +159,6 @@ fn parse_statistics(given: &Bound<'_, PyAny>) -> PyResult<Origin> {
     }
 }
 
-fn count(name: &'static str, value: i64) -> PyResult<usize> {
-    Ok(usize::try_from(value).map_err(|_| Error::parameter(name, value, "a whole number of at least 1"))?)
-}
-
 /// Removes points that have too few neighbors within a radius.
 ///
 /// Source: as in PCL, Open3D and PDAL, none of which counts the point itself. A neighbor at exactly the radius counts.
@@ -189,9 +186,10 @@ pub struct PyRadiusOutlierRemoval(RadiusOutlierRemoval);
 #[pymethods]
 impl PyRadiusOutlierRemoval {
     #[new]
-    #[pyo3(signature = (radius, min_neighbors = 2))]
-    fn new(radius: f64, min_neighbors: i64) -> PyResult<Self> {
-        Ok(Self(RadiusOutlierRemoval::new(radius, count("min_neighbors", min_neighbors)?)?))
+    #[pyo3(signature = (radius, min_neighbors = Whole::of(2)))]
+    fn new(radius: Real, min_neighbors: Whole) -> PyResult<Self> {
+        let (radius, min_neighbors) = (radius.named("radius")?, min_neighbors.count("min_neighbors")?);
+        Ok(Self(RadiusOutlierRemoval::new(radius, min_neighbors)?))
     }
 
     /// Radius in space, in units of the coordinates.
@@ -245,8 +243,8 @@ pub struct PyVoxelGrid(VoxelGrid);
 impl PyVoxelGrid {
     #[new]
     #[pyo3(signature = (size, representative = "centroid"))]
-    fn new(size: f64, representative: &str) -> PyResult<Self> {
-        Ok(Self(VoxelGrid::new(size, representative.parse()?)?))
+    fn new(size: Real, representative: &str) -> PyResult<Self> {
+        Ok(Self(VoxelGrid::new(size.named("size")?, representative.parse()?)?))
     }
 
     /// Length of a voxel's edges, in units of the coordinates.

@@ -1,8 +1,11 @@
 //! How a cloud is cut, as Python objects: spans by width, count, time or scan line, and the window.
 
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 
 use super::errors::InvalidParameter;
+use super::numbers::{Real, Whole};
+use super::plan::PyPlan;
 use super::segmentors::PyRecipe;
 use crate::error::Result;
 use crate::segmentor::Layout;
@@ -47,20 +50,15 @@ pub struct PySpanByWidth {
 impl PySpanByWidth {
     #[new]
     #[pyo3(signature = (width, direction = None))]
-    fn new(width: f64, direction: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    fn new(width: Real, direction: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let width = width.named("width")?;
         Ok(Self::of(width, direction.map_or(Ok(Direction::X), parse_direction)?)?)
     }
 
     /// "x", "y" or an azimuth in degrees, clockwise from the y axis.
     #[getter]
     fn direction(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
-        Ok(match self.by {
-            SpanBy::Width { direction: Direction::Y, .. } => "y".into_pyobject(py)?.into_any().unbind(),
-            SpanBy::Width { direction: Direction::Azimuth(degrees), .. } => {
-                degrees.into_pyobject(py)?.into_any().unbind()
-            }
-            _ => "x".into_pyobject(py)?.into_any().unbind(),
-        })
+        direction_of(py, self.by)
     }
 
     fn __getnewargs__(&self, py: Python<'_>) -> PyResult<(f64, Py<PyAny>)> {
@@ -75,6 +73,16 @@ impl PySpanByWidth {
 impl PySpanByWidth {
     pub(super) fn of(width: f64, direction: Direction) -> Result<Self> {
         Ok(Self { by: valid(SpanBy::Width { width, direction })?, width })
+    }
+}
+
+/// The direction of spans of space, as users type it.
+pub(super) fn direction_of(py: Python<'_>, by: SpanBy) -> PyResult<Py<PyAny>> {
+    let (SpanBy::Width { direction, .. } | SpanBy::Slabs { direction, .. }) = by else { return Ok(py.None()) };
+    match direction {
+        Direction::X => "x".into_py_any(py),
+        Direction::Y => "y".into_py_any(py),
+        Direction::Azimuth(degrees) => degrees.into_py_any(py),
     }
 }
 
@@ -122,7 +130,8 @@ pub struct PySpanByCount {
 #[pymethods]
 impl PySpanByCount {
     #[new]
-    fn new(points: i64) -> PyResult<Self> {
+    fn new(points: Whole) -> PyResult<Self> {
+        let points = points.named("points")?;
         let by = valid(SpanBy::Count { points: count("points", points)? })?;
         Ok(Self { by, points })
     }
@@ -172,7 +181,8 @@ pub struct PySpanByTime {
 #[pymethods]
 impl PySpanByTime {
     #[new]
-    fn new(seconds: f64) -> PyResult<Self> {
+    fn new(seconds: Real) -> PyResult<Self> {
+        let seconds = seconds.named("seconds")?;
         Ok(Self { by: valid(SpanBy::Time { seconds })?, seconds })
     }
 
@@ -215,7 +225,8 @@ pub struct PySpanByScanLine {
 #[pymethods]
 impl PySpanByScanLine {
     #[new]
-    fn new(lines: i64) -> PyResult<Self> {
+    fn new(lines: Whole) -> PyResult<Self> {
+        let lines = lines.named("lines")?;
         let by = valid(SpanBy::ScanLine { lines: count("lines", lines)? })?;
         Ok(Self { by, lines })
     }
@@ -246,7 +257,7 @@ pub(super) fn default_spans(
             let by = SpanBy::Count { points };
             Ok(Py::new(py, PySpanByCount { by, points: points as i64 })?.into_any())
         }
-        SpanBy::Time { .. } | SpanBy::ScanLine { .. } | SpanBy::Given => Ok(py.None()),
+        SpanBy::Slabs { .. } | SpanBy::Time { .. } | SpanBy::ScanLine { .. } | SpanBy::Given => Ok(py.None()),
     }
 }
 
@@ -264,6 +275,9 @@ pub(super) fn span_by(spans: Option<&Bound<'_, PyAny>>) -> PyResult<SpanBy> {
     }
     if let Ok(spans) = spans.cast::<PySpanByScanLine>() {
         return Ok(spans.get().by);
+    }
+    if let Ok(plan) = spans.cast::<PyPlan>() {
+        return Ok(plan.get().plan.spans());
     }
     let given = spans.repr()?;
     Err(InvalidParameter::new_err(format!(
@@ -297,9 +311,10 @@ pub struct PyWindowSize(pub(super) WindowSize);
 impl PyWindowSize {
     #[new]
     #[pyo3(signature = (spans = None, overlap = None))]
-    fn new(spans: Option<i64>, overlap: Option<i64>) -> PyResult<Self> {
+    fn new(spans: Option<Whole>, overlap: Option<Whole>) -> PyResult<Self> {
         let default = WindowSize::default();
-        let spans = spans.map_or(Ok(default.spans()), |spans| count("spans", spans))?;
+        let spans = spans.map_or(Ok(default.spans()), |spans| spans.count("spans"))?;
+        let overlap = overlap.map(|overlap| overlap.named("overlap")).transpose()?;
         let overlap = match overlap {
             Some(overlap) => usize::try_from(overlap)
                 .map_err(|_| crate::error::Error::parameter("overlap", overlap, "a whole number of at least 0"))?,

@@ -1,6 +1,7 @@
 //! The pipeline as a Python iterator of spans.
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::time::Duration;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -8,6 +9,7 @@ use pyo3::prelude::*;
 use super::arrays::{PyChunks, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::finalization::PySlabCounts;
+use super::numbers::Whole;
 use super::segmentors::PyRecipe;
 use super::selection::SizeOptions;
 use super::spans::{PyWindowSize, span_by};
@@ -51,7 +53,7 @@ impl PyPipeline {
     #[new]
     #[pyo3(signature = (
         chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
-        counts = None, revisit = false, min_segment_size = 1, max_segment_size = None, sort = "native",
+        counts = None, revisit = false, min_segment_size = Whole::of(1), max_segment_size = None, sort = "native",
     ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
@@ -67,11 +69,12 @@ impl PyPipeline {
         on_progress: Option<Py<PyAny>>,
         counts: Option<&PySlabCounts>,
         revisit: bool,
-        min_segment_size: i64,
-        max_segment_size: Option<i64>,
+        min_segment_size: Whole,
+        max_segment_size: Option<Whole>,
         sort: &str,
     ) -> PyResult<Self> {
-        let sizes = SizeOptions::new(min_segment_size, max_segment_size, sort)?;
+        let max = max_segment_size.map(|max| max.named("max_segment_size")).transpose()?;
+        let sizes = SizeOptions::new(min_segment_size.named("min_segment_size")?, max, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
         let by = span_by(spans)?;
         let lattice = match (scale, offset) {
@@ -146,9 +149,17 @@ impl PyPipeline {
         Ok(ended && self.given().is_none())
     }
 
-    /// Asks the source for no further span; those that have come are still segmented and come out.
-    fn stop(&self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.lock().map(|mut pipeline| pipeline.stop()))
+    /// Asks the source for no further span; those that have come are still segmented and come out, as far as that takes
+    /// no more than so many seconds.
+    #[pyo3(signature = (patience = None))]
+    fn stop(&self, py: Python<'_>, patience: Option<f64>) -> PyResult<()> {
+        let patience = patience.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        py.detach(|| {
+            self.lock().map(|mut pipeline| match patience {
+                Some(patience) => pipeline.stop_within(patience),
+                None => pipeline.stop(),
+            })
+        })
     }
 
     /// The fewest points of a segment that final results keep.

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use super::arrays::{PyChunks, real_positions};
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::features::feature;
+use super::numbers::Whole;
 use super::preprocessing::stages;
 use super::searches::search;
 use super::spans::span_by;
@@ -184,7 +185,7 @@ impl PyFeatureSurvey {
         chunks: &Bound<'_, PyAny>,
         names: Vec<String>,
         spans: Option<&Bound<'_, PyAny>>,
-        k: Option<i64>,
+        k: Option<Whole>,
         search_radius: Option<&Bound<'_, PyAny>>,
         search_mode: &str,
         normals: &str,
@@ -193,6 +194,7 @@ impl PyFeatureSurvey {
         threads: usize,
     ) -> PyResult<Self> {
         let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;
+        let k = k.map(|k| k.named("k")).transpose()?;
         let search = search(k, search_radius, search_mode)?;
         let fit: Fit = normals.parse()?;
         let Cloud { spans, lattice } = Cloud::new(chunks, spans, stored, lattice, false)?;

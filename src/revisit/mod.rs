@@ -6,7 +6,7 @@
 //!
 //! A window sees its own spans, and before them the *context*: all points of earlier spans that lie within reach of its
 //! new spans. Segments of the context that share a label with a point of the window are told to the weaver
-//! ([`Returned`](crate::weaver::Returned)), and become one with it, however long ago they went out of scope.
+//! ([`Returned`]), and become one with it, however long ago they went out of scope.
 //!
 //! *Monotone* relations are those where more points can only join more. For any two related points, one came later, and the
 //! first window that has that one among its own holds the other too: as its own, or in its context. So the segments are
@@ -25,10 +25,11 @@ use std::sync::{Arc, OnceLock};
 pub use context::Context;
 
 use crate::error::{Error, Result};
+use crate::label::SegmentId;
 use crate::lattice::Lattice;
-use crate::segmentor::Exactness;
+use crate::segmentor::{Exactness, Plane, Segmentor};
 use crate::span::Span;
-use crate::weaver::EvictedSpan;
+use crate::weaver::{EvictedSpan, Returned};
 use crate::window::{Frame, Slider, Window};
 use context::{Look, Recent, by_block};
 use raster::{Blocks, Raster};
@@ -142,6 +143,30 @@ impl Revisit {
             self.under_way = Some((look, frame.clone()));
         }
         Ok(context)
+    }
+
+    /// Keeps the planes of a window's segments, whose ids start from `first`, and leaves out those of the `returned` whose
+    /// planes do not agree with them.
+    ///
+    /// # Errors
+    /// If the store cannot be read or written.
+    pub fn agreeing(
+        &mut self,
+        returned: &mut Vec<Returned>,
+        segmentor: &dyn Segmentor,
+        first: SegmentId,
+        planes: &[Plane],
+    ) -> Result<()> {
+        let mut agreeing = Vec::with_capacity(returned.len());
+        for pair in returned.drain(..) {
+            let earlier = self.store.plane(pair.segment_id)?;
+            let later = planes.get(pair.label as usize);
+            if earlier.as_ref().zip(later).is_none_or(|(earlier, later)| segmentor.agree(earlier, later)) {
+                agreeing.push(pair);
+            }
+        }
+        *returned = agreeing;
+        self.store.put_planes(first, planes)
     }
 
     /// Stores the oldest span, which goes out of scope.

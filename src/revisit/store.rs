@@ -11,6 +11,7 @@ use rusqlite::{Connection, params};
 use super::raster::Cell;
 use crate::error::{Error, Result};
 use crate::label::SegmentId;
+use crate::segmentor::Plane;
 
 /// Pages of 16 KB suit blobs of some KB; 16 MB of them are kept in memory.
 const SET_UP: &str = "
@@ -20,6 +21,7 @@ const SET_UP: &str = "
     PRAGMA temp_store = FILE;
     PRAGMA cache_size = -16384;
     CREATE TABLE stored (row INTEGER, col INTEGER, span INTEGER, points BLOB, PRIMARY KEY (row, col, span));
+    CREATE TABLE plane (segment_id INTEGER PRIMARY KEY, plane BLOB);
     BEGIN;
 ";
 
@@ -71,6 +73,28 @@ impl Store {
         insert().map(drop).map_err(|e| failed("written", e))
     }
 
+    /// Stores the planes of segments whose ids start from `first`.
+    pub fn put_planes(&mut self, first: SegmentId, planes: &[Plane]) -> Result<()> {
+        let insert = || {
+            let mut insert = self.database.prepare_cached("INSERT INTO plane VALUES (?, ?)")?;
+            (first..).zip(planes).try_for_each(|(segment_id, plane)| {
+                insert.execute(params![segment_id, bytemuck::bytes_of(&words(plane))]).map(drop)
+            })
+        };
+        insert().map_err(|e| failed("written", e))
+    }
+
+    /// The plane of a segment, if it has one.
+    pub fn plane(&self, segment_id: SegmentId) -> Result<Option<Plane>> {
+        let find = || {
+            let mut select = self.database.prepare_cached("SELECT plane FROM plane WHERE segment_id = ?")?;
+            let mut rows = select.query([segment_id])?;
+            let Some(row) = rows.next()? else { return Ok(None) };
+            Ok(bytemuck::try_pod_read_unaligned(row.get_ref(0)?.as_blob()?).ok().map(plane_of))
+        };
+        find().map_err(|e| failed("read", e))
+    }
+
     /// Shows what is stored of a block, of the spans from `first` up to `end`, in the order of the spans, as long as `show`
     /// asks for more. The answer is the span after the last one shown; none if all were shown.
     pub fn each(&self, block: Cell, first: u64, end: u64, mut show: impl FnMut(Stored) -> bool) -> Result<Option<u64>> {
@@ -89,6 +113,17 @@ impl Store {
         };
         each().map_err(|e| failed("read", e))
     }
+}
+
+/// A plane as words of 8 bytes; whole numbers this small are exact.
+fn words(plane: &Plane) -> [f64; 14] {
+    let &Plane { center: [x, y, z], normal: [u, v, w], sigma0, points, covariance: [xx, xy, xz, yy, yz, zz] } = plane;
+    [x, y, z, u, v, w, sigma0, points as f64, xx, xy, xz, yy, yz, zz]
+}
+
+fn plane_of([x, y, z, u, v, w, sigma0, points, xx, xy, xz, yy, yz, zz]: [f64; 14]) -> Plane {
+    let covariance = [xx, xy, xz, yy, yz, zz];
+    Plane { center: [x, y, z], normal: [u, v, w], sigma0, points: points as u64, covariance }
 }
 
 fn unpack(packed: &[u8], attributes: usize) -> Stored {
@@ -148,5 +183,17 @@ mod tests {
         });
         assert_eq!(stopped.unwrap(), Some(293));
         assert_eq!(store.each(Cell { row: 0, column: 0 }, 0, 300, |_| panic!("there is nothing")).unwrap(), None);
+    }
+
+    #[test]
+    fn planes_are_kept_by_segment() {
+        let plane = |i: u64| {
+            let covariance = [0.1, 0.2, 0.3, 0.4, 0.5, i as f64];
+            Plane { center: [i as f64; 3], normal: [0.0, 0.6, -0.8], sigma0: 0.01, points: 3 + i, covariance }
+        };
+        let mut store = Store::new().unwrap();
+        store.put_planes(7, &[plane(1), plane(2)]).unwrap();
+        assert_eq!(store.plane(8).unwrap(), Some(plane(2)));
+        assert_eq!(store.plane(9).unwrap(), None);
     }
 }

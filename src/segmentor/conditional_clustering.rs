@@ -71,6 +71,10 @@ impl Segmentor for ConditionalClustering {
         Some(self.search)
     }
 
+    fn bytes_per_point(&self) -> usize {
+        Grid::BYTES_PER_POINT + 60
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let criterion = self.criterion.bind(|name| window.columns().get(name))?;
         let grid = Grid::new(window.points(), window.point_ids(), window.lattice(), self.search);

@@ -71,6 +71,11 @@ impl Segmentor for Dbscan {
         Exactness::WithHalo { reach: self.eps, halo: 2.0 * self.eps }
     }
 
+    fn bytes_per_point(&self) -> usize {
+        // One grid of all points, and a copy of the core points with one of their own.
+        2 * Grid::BYTES_PER_POINT + 60
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let (points, point_ids) = (window.points(), window.point_ids());
         let grid = Grid::new(points, point_ids, window.lattice(), self.search());

@@ -83,7 +83,8 @@ impl Exactness {
         self.halo() != Halo::Span
     }
 
-    fn reach(self) -> f64 {
+    /// How far apart points that are looked at together are at the most; 0 if nothing is known of it, ∞ if there is no limit.
+    pub fn reach(self) -> f64 {
         match self {
             Exactness::ByLocality { reach }
             | Exactness::WithHalo { reach, .. }
@@ -179,7 +180,7 @@ impl Exactness {
     /// Assesses a run with these spans and windows.
     pub fn assess(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
         let shares = shares(self.reach(), by, size, lattice);
-        let in_space = matches!(by, SpanBy::Width { .. });
+        let in_space = matches!(by, SpanBy::Width { .. } | SpanBy::Slabs { .. });
         let class = match self {
             Exactness::ByLocality { .. } => 'A',
             // Spans cut in stream order do not say which part of the map they hold, so nothing can be known to be final.
@@ -195,6 +196,12 @@ impl Exactness {
             }
             _ if is_identical => {
                 "equal to the static result: every pair in reach shares a window, and all that decides about a point is loaded with it"
+            }
+            ('A' | 'B', _) if size.overlap() == 0 => {
+                "different from the static result wherever a segment crosses the border of a window: windows share no span"
+            }
+            (_, Exactness::Measured { .. }) if size.overlap() == 0 => {
+                "no promise of equality with the static result: windows share no span, so segments are cut where a window ends"
             }
             ('A', _) => {
                 "equal to the static result only where every pair in reach shares a window, which these spans do not promise"
@@ -256,7 +263,9 @@ enum Shares {
 
 /// Whether every pair of points within `reach` shares a window.
 fn shares(reach: f64, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Shares {
-    let SpanBy::Width { width, direction } = by else { return Shares::Unknown };
+    let (SpanBy::Width { width, direction } | SpanBy::Slabs { width, direction, .. }) = by else {
+        return Shares::Unknown;
+    };
     if reach == f64::INFINITY {
         return Shares::Unknown;
     }

@@ -169,6 +169,12 @@ pub trait Segmentor: Send + Sync {
         false
     }
 
+    /// How much memory it takes while it works on a window, in bytes for each point, besides the window itself: measured,
+    /// so that windows can be planned. Segmentors of which nothing is known count as much as the greediest of ours.
+    fn bytes_per_point(&self) -> usize {
+        500
+    }
+
     /// One label for each of [`Window::points`].
     ///
     /// # Errors

@@ -118,7 +118,7 @@ enum Rule {
 impl Rule {
     fn new(by: SpanBy, lattice: &Lattice) -> Self {
         match by {
-            SpanBy::Width { width, direction } => {
+            SpanBy::Width { width, direction } | SpanBy::Slabs { width, direction, .. } => {
                 Rule::Width { slab: SlabIndex::new(width, direction, lattice), first: 0, current: None }
             }
             SpanBy::Count { points } => Rule::Count { points, taken: 0 },

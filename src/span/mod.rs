@@ -38,6 +38,15 @@ pub struct Chunk {
 }
 
 impl Chunk {
+    /// The same points in another order.
+    pub(crate) fn in_order(&self, order: &[u32]) -> Self {
+        let attributes = self.attributes.iter();
+        Self {
+            points: order.iter().map(|&i| self.points[i as usize]).collect(),
+            attributes: attributes.map(|values| order.iter().map(|&i| values[i as usize]).collect()).collect(),
+        }
+    }
+
     /// Adds some points of another chunk with the same attributes.
     pub(crate) fn append(&mut self, other: &Chunk, range: Range<usize>) {
         self.points.extend_from_slice(&other.points[range.clone()]);
@@ -104,6 +113,16 @@ pub enum SpanBy {
         /// Along which the slabs follow each other.
         direction: Direction,
     },
+    /// As many consecutive slabs of this width as hold no more than so many points, at least one. Of a live source one
+    /// each: what is to come cannot be counted.
+    Slabs {
+        /// Width of a slab, in units of the coordinates, above 0.
+        width: f64,
+        /// Along which the slabs follow each other.
+        direction: Direction,
+        /// Most points of several slabs together.
+        points: usize,
+    },
     /// This many points each.
     Count {
         /// At least 1.
@@ -130,7 +149,7 @@ impl SpanBy {
     /// With the value given and the values allowed.
     pub fn validate(&self) -> Result<()> {
         match *self {
-            SpanBy::Width { width, .. } => positive("width", width).map(drop),
+            SpanBy::Width { width, .. } | SpanBy::Slabs { width, .. } => positive("width", width).map(drop),
             SpanBy::Count { points } => at_least_one("points", points).map(drop),
             SpanBy::Time { seconds } => positive("seconds", seconds).map(drop),
             SpanBy::ScanLine { lines } => at_least_one("lines", lines).map(drop),
@@ -143,7 +162,7 @@ impl SpanBy {
         match self {
             SpanBy::Time { .. } => &["gps_time"],
             SpanBy::ScanLine { .. } => &["scan_direction_flag", "edge_of_flight_line"],
-            SpanBy::Width { .. } | SpanBy::Count { .. } | SpanBy::Given => &[],
+            SpanBy::Width { .. } | SpanBy::Slabs { .. } | SpanBy::Count { .. } | SpanBy::Given => &[],
         }
     }
 }
@@ -199,6 +218,9 @@ pub fn spans_of(
     Ok(match (by, source) {
         (SpanBy::Width { width, direction }, Source::Stored) => {
             Box::new(Slabs::new(chunks, SlabIndex::new(width, direction, lattice), *lattice))
+        }
+        (SpanBy::Slabs { width, direction, points }, Source::Stored) => {
+            Box::new(Slabs::new(chunks, SlabIndex::new(width, direction, lattice), *lattice).filled_up_to(points))
         }
         _ => Box::new(Cutter::new(chunks, by, lattice)),
     })

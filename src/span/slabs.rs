@@ -40,6 +40,12 @@ impl<C: Iterator<Item = Result<Chunk>>> Slabs<C> {
         Self { chunks: Some(chunks), spool: Spool::new(slab_of, lattice), archived: None }
     }
 
+    /// Hands out consecutive slabs together while they hold no more than so many points.
+    pub(crate) fn filled_up_to(mut self, points: usize) -> Self {
+        self.spool.most = points;
+        self
+    }
+
     fn spool_all(&mut self, chunks: C) -> Result<()> {
         for chunk in chunks {
             self.spool.lay(&chunk?, |_, _| ())?;
@@ -99,13 +105,14 @@ mod tests {
             chunk_size in 1usize..50,
             memory in prop_oneof![Just(1usize), Just(500), Just(usize::MAX)],
             is_archived in any::<bool>(),
+            most in prop_oneof![Just(0usize), 1usize..60],
         ) {
             let chunks = xs.chunks(chunk_size).map(|xs| Ok(Chunk {
                 points: xs.iter().map(|&x| [x, 1.0, 2.0]).collect(),
                 attributes: vec![xs.to_vec()],
             })).collect::<Vec<_>>();
             let slab_of = SlabIndex::new(7.0, Direction::X, &Lattice::REAL);
-            let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL);
+            let mut slabs = Slabs::new(chunks.into_iter(), slab_of, Lattice::REAL).filled_up_to(most);
             slabs.spool.memory = memory;
             let archive = if is_archived { slabs.archive() } else { None };
             let mut handed_on = Vec::new();
@@ -121,7 +128,7 @@ mod tests {
                 let extent = span.extent.unwrap();
                 prop_assert_eq!(extent.low, high);
                 high = extent.high;
-                let mut slab = None;
+                let mut slabs = std::collections::BTreeSet::new();
                 prop_assert_eq!(span.attributes[0].len(), ids.len());
                 for ((&id, point), value) in ids.iter().zip(&span.points).zip(&span.attributes[0]) {
                     prop_assert_eq!(value.to_bits(), xs[id as usize].to_bits());
@@ -129,12 +136,13 @@ mod tests {
                     prop_assert_eq!(point[0].to_bits(), xs[id as usize].to_bits());
                     if let Some(at) = slab_of.of(point).unwrap() {
                         prop_assert!(extent.low <= point[0] && point[0] < extent.high);
-                        prop_assert_eq!(*slab.get_or_insert(at), at);
+                        slabs.insert(at);
                     }
                 }
-                if let Some(slab) = slab {
-                    prop_assert!(slab > last_slab);
-                    last_slab = slab;
+                prop_assert!(slabs.len() <= 1 || ids.len() <= most);
+                if let (Some(&first), Some(&last)) = (slabs.first(), slabs.last()) {
+                    prop_assert!(first > last_slab);
+                    last_slab = last;
                 }
                 handed_on.push(span);
             }

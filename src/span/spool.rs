@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{Archive, Chunk, Extent, PointIds, SlabIndex, Span};
@@ -34,6 +34,8 @@ pub(super) struct Spool {
     /// Bytes of those in memory, and how many there can be.
     bytes: usize,
     pub(super) memory: usize,
+    /// Most points of several slabs that are handed on as one span; 0 = each is one.
+    pub(super) most: usize,
     file: SpoolFile,
 }
 
@@ -49,6 +51,7 @@ impl Spool {
             points: 0,
             bytes: 0,
             memory: SPOOL_MEMORY,
+            most: 0,
             file: SpoolFile::default(),
         }
     }
@@ -100,18 +103,33 @@ impl Spool {
         self.file.write(self.slabs.values_mut()).map_err(|e| Error::spool("written", e))
     }
 
-    /// Takes out the first slab, as the span that follows those taken out before.
+    /// The first slab, filled up with those behind it, and the numbers of the first and the last of them.
+    fn pop_filled(&mut self) -> Option<(RangeInclusive<i64>, Slab)> {
+        let (first, mut slab) = self.slabs.pop_first()?;
+        let mut last = first;
+        while let Some(next) = self.slabs.first_entry()
+            && slab.len() + next.get().len() <= self.most
+            && self.most > 0
+        {
+            last = *next.key();
+            slab.append(next.remove());
+        }
+        Some((first..=last, slab))
+    }
+
+    /// Takes out the first slab, or as many as there is room for, as the span that follows those taken out before.
     pub(super) fn hand_on(&mut self) -> Option<Result<Span>> {
-        let (at, slab) = self.slabs.pop_first()?;
+        let (taken, slab) = self.pop_filled()?;
         let index = self.index;
         self.index += 1;
-        self.open_from = at + 1;
+        self.open_from = taken.end() + 1;
         self.bytes = self.bytes.saturating_sub(slab.held.points.len() * bytes_per_point(slab.held.attributes.len()));
         // Slabs passed over have no points, so the extent goes on to the next that has some.
-        let (first, end) = ((index > 0).then_some(at), self.slabs.keys().next().copied());
+        let (first, end) = ((index > 0).then_some(*taken.start()), self.slabs.keys().next().copied());
         let extent = Some(self.places.slab_of.extent(first, end, &self.lattice));
         Some(match self.file.take(slab) {
-            Ok((point_ids, Chunk { points, attributes })) => {
+            Ok(points) => {
+                let (point_ids, Chunk { points, attributes }) = in_stream_order(points);
                 self.points -= points.len() as u64;
                 Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
             }
@@ -119,14 +137,14 @@ impl Spool {
         })
     }
 
-    /// All slabs, to be read in any order.
+    /// All spans, to be read in any order.
     pub(super) fn lay_out(&mut self) -> Laid {
-        let numbers: Vec<i64> = self.slabs.keys().copied().collect();
+        let (numbers, slabs): (Vec<i64>, Vec<Slab>) =
+            std::iter::from_fn(|| self.pop_filled()).map(|(taken, slab)| (*taken.start(), slab)).unzip();
         let extent = |(at, &number): (usize, &i64)| {
             self.places.slab_of.extent((at > 0).then_some(number), numbers.get(at + 1).copied(), &self.lattice)
         };
         let extents = numbers.iter().enumerate().map(extent).collect();
-        let slabs = std::mem::take(&mut self.slabs).into_values().collect();
         Laid { extents, slabs, file: Mutex::new(std::mem::take(&mut self.file)) }
     }
 
@@ -143,7 +161,7 @@ impl Spool {
     }
 }
 
-/// The slabs of a cloud that has come to its end.
+/// The spans of a cloud that has come to its end.
 pub(super) struct Laid {
     extents: Vec<Extent>,
     slabs: Vec<Slab>,
@@ -160,7 +178,8 @@ impl Archive for Arc<OnceLock<Laid>> {
         let Laid { extents, slabs, file } = self.get().ok_or_else(missing)?;
         let slab = slabs.get(index as usize).ok_or_else(missing)?;
         let (extent, mut file) = (Some(extents[index as usize]), file.lock().unwrap_or_else(PoisonError::into_inner));
-        let (point_ids, Chunk { points, attributes }) = file.read(slab).map_err(|e| Error::spool("read", e))?;
+        let (point_ids, Chunk { points, attributes }) =
+            in_stream_order(file.read(slab).map_err(|e| Error::spool("read", e))?);
         Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
     }
 }
@@ -203,6 +222,29 @@ struct Slab {
     written: Vec<Stretch>,
     point_ids: Vec<i64>,
     held: Chunk,
+}
+
+impl Slab {
+    fn len(&self) -> usize {
+        self.point_ids.len() + self.written.iter().map(|stretch| stretch.points).sum::<usize>()
+    }
+
+    fn append(&mut self, next: Slab) {
+        self.written.extend(next.written);
+        self.point_ids.extend(next.point_ids);
+        self.held.append(&next.held, 0..next.held.points.len());
+    }
+}
+
+/// Points of several slabs in the order of their ids.
+fn in_stream_order((point_ids, chunk): (Vec<i64>, Chunk)) -> (Vec<i64>, Chunk) {
+    if point_ids.is_sorted() {
+        return (point_ids, chunk);
+    }
+    let mut order: Vec<u32> = (0..point_ids.len() as u32).collect();
+    // Not unstable: this sort makes use of the order that the points of each slab are in.
+    order.sort_by_key(|&i| point_ids[i as usize]);
+    (order.iter().map(|&i| point_ids[i as usize]).collect(), chunk.in_order(&order))
 }
 
 fn bytes_per_point(attributes: usize) -> usize {

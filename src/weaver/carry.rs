@@ -149,7 +149,7 @@ impl Carry {
     /// # Errors
     /// If one is out of scope and not remembered.
     pub fn join_late(&mut self, a: SegmentId, b: SegmentId) -> Result<LateJoin> {
-        let (a, b) = (self.locate(a), self.locate(b));
+        let (a, b) = (self.locate(a)?, self.locate(b)?);
         let (older, id) = match (a, b) {
             _ if a == b => return Ok(LateJoin::default()),
             (Place::InScope(a), Place::InScope(b)) => {
@@ -177,22 +177,22 @@ impl Carry {
     }
 
     fn reopen(&mut self, id: SegmentId) -> Result<Closed> {
-        self.out_of_scope.reopen(id).ok_or(Error::OutOfScope { segment_id: id })
+        self.out_of_scope.reopen(id)?.ok_or(Error::OutOfScope { segment_id: id })
     }
 
     /// Where the whole of a segment is.
-    fn locate(&mut self, segment_id: SegmentId) -> Place {
+    fn locate(&mut self, segment_id: SegmentId) -> Result<Place> {
         let mut id = segment_id;
         loop {
             if id >= self.base {
-                return Place::InScope(self.find(self.position(id)));
+                return Ok(Place::InScope(self.find(self.position(id))));
             }
             if let Some(&elder) = self.elders.get(&id) {
-                return Place::InScope(self.find(elder));
+                return Ok(Place::InScope(self.find(elder)));
             }
-            match self.out_of_scope.next(id) {
+            match self.out_of_scope.next(id)? {
                 Some(next) => id = next,
-                None => return Place::Closed(id),
+                None => return Ok(Place::Closed(id)),
             }
         }
     }

@@ -26,6 +26,7 @@
 
 mod aliases;
 mod carry;
+mod ledger;
 mod out_of_scope;
 mod point_segment;
 mod replay;

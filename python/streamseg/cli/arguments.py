@@ -5,12 +5,11 @@ from typing import Annotated
 
 import typer
 
-# Exit status: 0 done, 1 internal error, 2 wrong usage or input, 3 not identical (verify); 130 after Ctrl-C, as shells
-# have it.
+# Exit status: 0 done, 1 internal error, 2 wrong usage or input, 3 not identical (verify); after a signal
+# see `interrupt`.
 INTERNAL = 1
 WRONG = 2
 DIFFERENT = 3
-INTERRUPTED = 130
 
 # Whole numbers beyond this are slips.
 MOST = 1_000_000_000

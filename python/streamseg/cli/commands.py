@@ -13,12 +13,14 @@ from typing import Annotated, NoReturn, TextIO
 import typer
 
 from .. import __version__, description
-from ..errors import StreamsegError, StreamsegWarning
+from ..errors import InvalidParameter, StreamsegError, StreamsegWarning
 from ..files import resolve_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
+from . import interrupt, wording
 from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
+from .plan import explained
 from .segment import segment
 from .verify import verify
 
@@ -60,10 +62,19 @@ def resolve(
         raise typer.Exit(WRONG)
 
 
-@app.command()
-def info(file: Annotated[Path, typer.Argument(metavar="FILE", help="A cloud, or the folder of a history.")]) -> None:
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
+def info(
+    context: typer.Context,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A cloud, or the folder of a history.")],
+    plan: Annotated[
+        bool,
+        typer.Option("--plan", help="Explain what segment --max-memory would choose; takes the options of segment."),
+    ] = False,
+) -> None:
     """Say what FILE holds, and how it could be segmented."""
-    for label, value in description.describe(file):
+    if context.args and not plan:
+        raise InvalidParameter(f"{' '.join(context.args)} is given without --plan, allowed: FILE only")
+    for label, value in explained(file, context.args) if plan else description.describe(file):
         typer.echo(f"{label:<12} {value}")
 
 
@@ -148,9 +159,15 @@ def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
     _give_memory_back()
     warnings.showwarning = _warn
+    interrupt.listen()
     try:
         app()
-    except StreamsegError as error:
-        typer.echo(f"streamseg: {error}", err=True)
+    except (Exception, SystemExit) as error:
+        if (told := wording.of_plugin(error)) is not None:
+            typer.echo(f"streamseg: {told}", err=True)
+            sys.exit(INTERNAL)
+        if not isinstance(error, StreamsegError):
+            raise
+        typer.echo(f"streamseg: {wording.as_typed(str(error))}", err=True)
         sys.exit(WRONG)
     sys.exit(INTERNAL)

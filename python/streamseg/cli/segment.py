@@ -16,9 +16,9 @@ from ..files import Outcome, segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from ..run import SpanBy
-from . import methods
-from .arguments import INTERRUPTED, MOST, WRONG, Inputs, Output, Overwrite, say
+from ..run import Spans
+from . import interrupt, methods
+from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
 
 
 class Result(str, Enum):
@@ -104,13 +104,17 @@ def segment(
     lonely: Annotated[str | None, _of(_BEFORE, "Remove points with few others around: RADIUS,NEIGHBORS.")] = None,
     voxel: Annotated[float | None, _of(_BEFORE, "Segment the centers of voxels of this size instead.")] = None,
     span_width: Annotated[
-        float | None, _of(_SPANS, "Spans of this width. [default: 20 x how far neighbors can be]")
+        str | None,
+        _of(_SPANS, "Spans of this width; auto: as the memory allows. [default: 20 x how far neighbors can be]"),
     ] = None,
     direction: Annotated[str, _of(_SPANS, "x, y or an azimuth in degrees, for --span-width.")] = "x",
     span_count: Annotated[int | None, _of(_SPANS, "Spans of so many points, in file order.", max=MOST)] = None,
     span_time: Annotated[float | None, _of(_SPANS, "Spans of so many seconds of gps_time.")] = None,
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
-    spans: Annotated[int, _of(_SPANS, "Spans in a window.", max=MOST)] = Window().spans,
+    max_memory: Annotated[
+        str | None, _of(_SPANS, "Most memory, such as 256MB; means --span-width auto. [default with that: 512MB]")
+    ] = None,
+    spans: Annotated[int | None, _of(_SPANS, "Spans in a window. [default: 3]", max=MOST)] = None,
     overlap: Annotated[int | None, _of(_SPANS, "Spans that two windows share. [default: 1]", max=MOST)] = None,
     revisit: Annotated[
         bool,
@@ -146,13 +150,13 @@ def segment(
             segmentor,
             preprocess=methods.stages(outliers, lonely, voxel),
             spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
-            window=Window(spans, overlap),
+            window=_window(spans, overlap),
+            max_memory=max_memory,
             revisit=revisit,
             history=history,
             result=result.value,
             threads=threads,
             drop_invalid=drop_invalid,
-            revisit=revisit,
             overwrite=overwrite,
             on_read=bars.on_read,
             on_progress=bars.on_progress,
@@ -176,10 +180,11 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         yield
     except (Exception, KeyboardInterrupt) as failure:
         kept = _written_at(output) != before
-        left = f"the points segmented before that are in {output}" if kept else f"{output} has not been written"
+        left = f"the points segmented before that are in {output}"
         if isinstance(failure, KeyboardInterrupt):
-            typer.echo(f"streamseg: interrupted; {left}", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+            nothing = f"{output} has not been written, because no window had been segmented yet"
+            typer.echo(f"streamseg: interrupted; {left if kept else nothing}", err=True)
+            raise typer.Exit(interrupt.status()) from None
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
         raise
@@ -191,13 +196,13 @@ def _written_at(output: Path) -> int | None:
 
 def _spans(
     segmentor: Any,
-    width: float | None,
+    width_text: str | None,
     direction: str,
     count: int | None,
     seconds: float | None,
     lines: int | None,
-) -> SpanBy | None:
-    given = {"--span-width": width, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
+) -> Spans | None:
+    given = {"--span-width": width_text, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
     chosen = [name for name, value in given.items() if value is not None]
     if direction != "x" and chosen not in ([], ["--span-width"]):
         raise InvalidParameter(f"--direction is given with {chosen[0]}, allowed: with --span-width")
@@ -209,8 +214,13 @@ def _spans(
         return SpanByTime(seconds)
     if lines is not None:
         return SpanByScanLine(lines)
-    if width is None and direction == "x":
+    if width_text is None and direction == "x":
         return None
+    if width_text == "auto":
+        if direction != "x":
+            raise InvalidParameter("--direction is given with --span-width auto, which chooses it; leave it out")
+        return "auto"
+    width = None if width_text is None else _width(width_text)
     try:
         azimuth: str | float = float(direction)
     except ValueError:
@@ -225,12 +235,25 @@ def _spans(
     return SpanByWidth(width, azimuth)
 
 
+def _window(spans: int | None, overlap: int | None) -> Window | None:
+    return None if spans is None and overlap is None else Window(spans, overlap)
+
+
+def _width(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InvalidParameter(f"--span-width is '{text}', allowed: a number above 0, or auto") from None
+
+
 def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:
     noun = {"final": "segments", "carry": "segments as far as was known", "history": "raw segment ids"}[result.value]
     typer.echo(
         f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
         f"{outcome.windows:,} windows; {outcome.promise}"
     )
+    if not outcome.segments and (why := _why_none(outcome, segmentor)):
+        typer.echo(why)
     if outcome.certificate != (0,) * len(outcome.certificate):
         proven = "; equal to the static result, proven" if outcome.is_proven else ""
         typer.echo(f"certificate: {outcome.certificate}{proven}")
@@ -239,6 +262,19 @@ def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | N
         typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
     if history is not None:
         typer.echo(f"history in {history}")
+
+
+def _why_none(outcome: Outcome, segmentor: Any) -> str | None:
+    """Say why there is no segment, where it is known."""
+    if outcome.left_out.segments:
+        return "no segment is left: --min-size and --max-size say which sizes are kept"
+    if getattr(segmentor, "k", None) == 1:
+        return "no segment: with --k 1 a point has no neighbor but itself"
+    if getattr(segmentor, "filter", None) is not None:
+        return f"no segment: does --filter {segmentor.filter!r} leave any point?"
+    if getattr(segmentor, "min_points", None) is not None:
+        return f"no segment: no point has {segmentor.min_points:,} neighbors within --eps; make that larger"
+    return None
 
 
 def _left_out(outcome: Outcome, segmentor: Any) -> str:

@@ -7,14 +7,13 @@ from typing import Any
 
 import typer
 
-from .._core import Window
 from ..progress import ProgressBars
 from ..verification import verify as verify_run
 from . import methods
 from .arguments import DIFFERENT, WRONG, Inputs, say
-from .segment import _spans, segment
+from .segment import _spans, _window, segment
 
-_AS_THEY_ARE = ("threads", "drop_invalid", "revisit")
+_AS_THEY_ARE = ("max_memory", "threads", "drop_invalid", "revisit")
 _CUTS = ("span_width", "direction", "span_count", "span_time", "span_lines")
 _OF_OUTPUT = {"output", "result", "history", "preview", "overwrite"}
 
@@ -31,8 +30,8 @@ def verify(inputs: Inputs, **options: Any) -> None:
             segmentor,
             preprocess=methods.stages(options["outliers"], options["lonely"], options["voxel"]),
             spans=_spans(segmentor, *(options[name] for name in _CUTS)),
-            window=Window(options["spans"], options["overlap"]),
-            **{name: options[name] for name in _AS_THEY_ARE if name in options},
+            window=_window(options["spans"], options["overlap"]),
+            **{name: options[name] for name in _AS_THEY_ARE},
             on_progress=bars.on_progress,
         )
     say(str(verification), options["quiet"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning
+from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning, warn
 from .lattice import Lattice, common_lattice
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ class Cloud:
             raise InvalidInput(f"{_listing(self.paths)} has no points")
         self.lattice, self.shifts = common_lattice([source.lattice for source in self.sources])
         self._warn_of_rounding()
+        self._warn_of_odd_company()
         self.dimensions = tuple(
             name for name in self.sources[0].dimensions if all(name in other.dimensions for other in self.sources[1:])
         )
@@ -137,6 +138,24 @@ class Cloud:
                     StreamsegWarning,
                     stacklevel=4,
                 )
+
+    def _warn_of_odd_company(self) -> None:
+        """Warn of files that are given twice, and of those whose coordinate systems differ."""
+        first = self.sources[0]
+        seen: set[Path] = set()
+        for source in self.sources:
+            if source.path.resolve() in seen:
+                warn(f"{source.path} is given more than once: its points come as often, all at the same places")
+            seen.add(source.path.resolve())
+        said: dict[str, object] = getattr(first, "coordinate_system", {})
+        for source in self.sources[1:]:
+            other: dict[str, object] = getattr(source, "coordinate_system", {})
+            if any(said[kind] != other[kind] for kind in said.keys() & other.keys()):
+                warn(
+                    f"{first.path} and {source.path} have different coordinate systems, and are segmented as if they "
+                    "had the same; bring them into one first"
+                )
+                return
 
 
 def damage_sentence(path: Path, read: int, announced: int, reason: str) -> str:

@@ -73,6 +73,7 @@ class LasSource:
         self.dimensions: tuple[str, ...] = tuple(self.header.point_format.dimension_names)
         self.range_x = (float(self.header.mins[0]), float(self.header.maxs[0]))
         self.unit = _linear_unit(self.header)
+        self.coordinate_system = _coordinate_system(self.header)
         self.damage: str | None = None
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
@@ -220,6 +221,18 @@ def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: st
         user, about = (text.split(b"\0")[0].decode("ascii", "ignore") for text in (user, about))
         found.append(laspy.VLR(user, number, about, data[at - length : at]))
     return found
+
+
+def _coordinate_system(header: Any) -> dict[str, object]:
+    """Tell what the file says of its coordinate system, by the kind of record that says it; citations are left out."""
+    keys = {
+        key.id: key.value_offset
+        for vlr in header.vlrs.get("GeoKeyDirectoryVlr")
+        for key in vlr.geo_keys
+        if key.tiff_tag_location == 0
+    }
+    text = "".join("".join(vlr.string for vlr in header.vlrs.get("WktCoordinateSystemVlr")).split()).strip("\0")
+    return {kind: said for kind, said in (("GeoKeys", keys), ("WKT", text)) if said}
 
 
 def _linear_unit(header: Any) -> str | None:

@@ -24,6 +24,13 @@ _SNIFFED_BYTES = 1 << 16
 _LINES_AT_ONCE = 200_000
 _LONGEST_LINE_SHOWN = 60
 
+# What the columns of x, y and z are called, whatever their case; where several are there, the first of these.
+_NAMES = (
+    ("x", "easting", "east", "e"),
+    ("y", "northing", "north", "n"),
+    ("z", "height", "elevation", "altitude", "h"),
+)
+
 
 class TextLayout(NamedTuple):
     """How the lines of a file are put together.
@@ -47,9 +54,9 @@ class TextLayout(NamedTuple):
 class TextSource:
     """One text file. See `streamseg.io.cloud.Source`.
 
-    Columns are separated by commas, semicolons, tabs or blanks. A first line that names x, y and z says where they
-    are; else they are the first three columns. ``#`` starts a comment. In a ``.pts`` file the first line is the
-    number of points.
+    Columns are separated by commas, semicolons, tabs or blanks. A first line of names says which columns are x (or
+    easting), y (or northing) and z (or height, elevation); without one they are the first three columns. ``#`` starts
+    a comment. In a ``.pts`` file the first line is the number of points.
     """
 
     kind = "text"
@@ -155,7 +162,7 @@ def _sniff(path: Path) -> tuple[TextLayout, bool]:
             skipped += 1
     delimiter = _delimiter(line if line is not None else header or "")
     joiner = delimiter or ("\t" if "\t" in (line or "") else " ")
-    names, xyz = _columns(header, line, delimiter)
+    names, xyz = _columns(path, header, line, delimiter)
     return TextLayout(delimiter, joiner, skipped, header, names, xyz), line is None
 
 
@@ -181,7 +188,7 @@ def _is_number(text: str) -> bool:
 
 
 def _columns(
-    header: str | None, line: str | None, delimiter: str | None
+    path: Path, header: str | None, line: str | None, delimiter: str | None
 ) -> tuple[tuple[str, ...], tuple[int, int, int]]:
     width = len(_split(line, delimiter)) if line is not None else 3
     default = ("x", "y", "z", *(f"column_{i}" for i in range(4, width + 1)))
@@ -189,8 +196,15 @@ def _columns(
         return default, (0, 1, 2)
     names = [name.strip("\"'") for name in _split(header.lstrip().removeprefix("//"), delimiter)]
     lower = [name.lower() for name in names]
-    if all(axis in lower for axis in "xyz"):
-        return tuple(names), (lower.index("x"), lower.index("y"), lower.index("z"))
-    if len(set(names)) == len(names) == width:
-        return ("x", "y", "z", *names[3:]), (0, 1, 2)
+    found = [next((lower.index(name) for name in axis if name in lower), None) for axis in _NAMES]
+    x, y, z = found
+    if x is not None and y is not None and z is not None:
+        return tuple(names), (x, y, z)
+    if len(names) == width:
+        missing = [axis[0] for axis, place in zip(_NAMES, found, strict=True) if place is None]
+        raise InvalidInput(
+            f"{path} names its columns {', '.join(names)}; which of them is {' and '.join(missing)} is not clear: "
+            f"name the columns x, y and z (or easting, northing and height), or remove the line of names to have the "
+            "first three columns taken"
+        )
     return default, (0, 1, 2)

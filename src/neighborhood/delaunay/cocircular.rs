@@ -19,8 +19,8 @@ type Vertex<'a> = VertexHandle<'a, Point2<f64>>;
 pub(super) struct Group {
     /// Their numbers as vertices of the triangulation, ascending.
     pub(super) vertices: Vec<usize>,
-    /// The number of one of their triangles.
-    pub(super) face: usize,
+    /// One of their triangles.
+    pub(super) face: Face,
 }
 
 /// The groups of four and more places on one empty circle, but for those in which `is_settled` holds for the four vertices
@@ -57,7 +57,7 @@ fn group(triangulation: &Triangles, faces: &[Face]) -> Group {
     let mut vertices: Vec<usize> = faces.iter().flat_map(corners).map(|vertex| vertex.index()).collect();
     vertices.sort_unstable();
     vertices.dedup();
-    Group { vertices, face: faces[0].index() }
+    Group { vertices, face: faces[0] }
 }
 
 /// The ends of an edge and the far corners of the triangles to its left and right; none on the hull.

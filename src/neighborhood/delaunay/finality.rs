@@ -4,7 +4,11 @@
 //! circle are final together: rounding may see it from one of them and not from another. A vertex is *open* if one of its
 //! triangles is not final, or if it is on the hull, beyond which nothing is known: it may get further neighbors. All
 //! others have the neighbors that they have for good.
+//!
+//! The triangles whose circles hold a place are connected, and reach the hull if the place lies beyond (Bowyer 1981, Watson
+//! 1981). So those that are not final are found from the hull on, and no others need be looked at.
 
+use rustc_hash::FxHashSet;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::cocircular::{Face, corners, is_one_circle};
@@ -15,30 +19,31 @@ type Triangles = DelaunayTriangulation<Point2<f64>>;
 /// What of a neighborhood is final.
 pub struct Finality {
     pub(super) loaded: Loaded,
-    /// Whether each triangle is final; empty if all are, or there are none.
-    triangles: Vec<bool>,
+    /// The triangles that are not.
+    open: FxHashSet<Face>,
 }
 
 impl Finality {
     /// What is final of a line of places.
     pub(super) fn of_line(loaded: Loaded) -> Self {
-        Self { loaded, triangles: Vec::new() }
+        Self { loaded, open: FxHashSet::default() }
     }
 
     pub(super) fn of_triangles(triangulation: &Triangles, loaded: Loaded) -> Self {
+        let mut finality = Self { loaded, open: FxHashSet::default() };
         if loaded.is_everything() {
-            return Self { loaded, triangles: Vec::new() };
+            return finality;
         }
-        let mut triangles = vec![true; triangulation.num_all_faces()];
-        let mut open = Vec::new();
-        for face in triangulation.inner_faces() {
-            if !loaded.holds_circle(&face.positions().map(|place| [place.x, place.y])) {
-                triangles[face.index()] = false;
-                open.push(face.fix());
+        let on_hull = triangulation.convex_hull().filter_map(|edge| Some(edge.rev().face().as_inner()?.fix()));
+        let mut waiting: Vec<Face> = on_hull.collect();
+        while let Some(face) = waiting.pop() {
+            let corners = triangulation.face(face).positions().map(|place| [place.x, place.y]);
+            if !loaded.holds_circle(&corners) && finality.open.insert(face) {
+                let edges = triangulation.face(face).adjacent_edges().into_iter();
+                waiting.extend(edges.filter_map(|edge| Some(edge.rev().face().as_inner()?.fix())));
             }
         }
-        let mut finality = Self { loaded, triangles };
-        for face in open {
+        for face in finality.open.iter().copied().collect::<Vec<Face>>() {
             finality.spread_to(triangulation, face);
         }
         finality
@@ -51,8 +56,8 @@ impl Finality {
             let edges = triangulation.face(face).adjacent_edges().into_iter();
             let sharing = edges.filter(|edge| corners(*edge).is_some_and(is_one_circle));
             let others: Vec<Face> = sharing.filter_map(|edge| Some(edge.rev().face().as_inner()?.fix())).collect();
-            if !self.of_face(face.index()) && others.iter().any(|other| self.of_face(other.index())) {
-                self.triangles[face.index()] = true;
+            if !self.of_face(face) && others.iter().any(|other| self.of_face(*other)) {
+                self.open.remove(&face);
                 waiting.extend(others);
             }
         }
@@ -64,25 +69,21 @@ impl Finality {
     }
 
     /// Whether the triangle is final.
-    pub(super) fn of_face(&self, face: usize) -> bool {
-        self.triangles.get(face).is_none_or(|is_final| *is_final)
+    pub(super) fn of_face(&self, face: Face) -> bool {
+        !self.open.contains(&face)
     }
 
-    /// Calls `visit` with the number of each open vertex.
-    pub(super) fn for_each_open_vertex(&self, triangulation: &Triangles, mut visit: impl FnMut(usize)) {
+    /// The numbers of the open vertices, ascending.
+    pub(super) fn open_vertices(&self, triangulation: &Triangles) -> Vec<usize> {
         if self.loaded.is_everything() {
-            return;
+            return Vec::new();
         }
-        let mut is_open = vec![false; triangulation.num_vertices()];
-        for edge in triangulation.convex_hull() {
-            is_open[edge.from().index()] = true;
-        }
-        for face in triangulation.inner_faces().filter(|face| !self.of_face(face.index())) {
-            for vertex in face.vertices() {
-                is_open[vertex.index()] = true;
-            }
-        }
-        (0..is_open.len()).filter(|&vertex| is_open[vertex]).for_each(&mut visit);
+        let of_faces = self.open.iter().flat_map(|face| triangulation.face(*face).vertices());
+        let on_hull = triangulation.convex_hull().map(|edge| edge.from());
+        let mut vertices: Vec<usize> = of_faces.chain(on_hull).map(|vertex| vertex.index()).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
     }
 }
 
@@ -113,8 +114,7 @@ mod tests {
             let finality = neighbors.finality(loaded);
             let mut verdicts = Vec::new();
             neighbors.for_each_cocircular_pair(|_| false, |_, _, edge| verdicts.push(edge.is_final(&finality)));
-            neighbors.for_each_edge(|_, _, edge| verdicts.push(edge.is_final(&finality)));
-            assert_eq!(verdicts.len(), 36 * 35 / 2 + 3 * 36 - 3 - 36);
+            assert_eq!(verdicts.len(), 36 * 35 / 2);
             let mut corners = places.windows(3).map(|places| [places[0], places[1], places[2]]);
             let first = corners.next().is_some_and(|corners| loaded.holds_circle(&corners));
             let is_final = verdicts[0];

@@ -23,7 +23,7 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::curve::curve_order;
 use super::loaded::Loaded;
-use cocircular::groups;
+use cocircular::{Face, groups};
 pub use finality::Finality;
 
 /// Which points of a window share a place on the map, and which places are Delaunay neighbors.
@@ -130,7 +130,8 @@ impl Delaunay {
             }
             Edges::Line(_) => {}
             Edges::Triangles { triangulation, first } => {
-                finality.for_each_open_vertex(triangulation, |vertex| visit(self.stack(stack_of(vertex, *first))));
+                let vertices = finality.open_vertices(triangulation).into_iter();
+                vertices.for_each(|vertex| visit(self.stack(stack_of(vertex, *first))));
             }
         }
     }
@@ -153,7 +154,7 @@ impl Delaunay {
                         let [a, b, c] = face.positions().map(coord);
                         incircle(a, b, c, coord(to.position())) == 0.0
                     });
-                    circle.map(|face| Edge::OfCircle(face.index()))
+                    circle.map(|face| Edge::OfCircle(face.fix()))
                 })
             }
         }
@@ -165,7 +166,7 @@ pub enum Edge<'a> {
     /// An edge between consecutive places of a line.
     OfLine([f64; 2], [f64; 2]),
     /// An edge between two of at least four places on the circumcircle of this triangle.
-    OfCircle(usize),
+    OfCircle(Face),
     /// An edge between two triangles, or on the hull.
     OfTriangles(DirectedEdgeHandle<'a, Point2<f64>, (), (), ()>),
 }
@@ -178,7 +179,7 @@ impl Edge<'_> {
             Edge::OfCircle(face) => finality.of_face(*face),
             Edge::OfTriangles(edge) => {
                 let of_side = |edge: &DirectedEdgeHandle<'_, Point2<f64>, (), (), ()>| {
-                    edge.face().as_inner().is_some_and(|face| finality.of_face(face.index()))
+                    edge.face().as_inner().is_some_and(|face| finality.of_face(face.fix()))
                 };
                 of_side(edge) || of_side(&edge.rev()) || {
                     let place = |point: Point2<f64>| [point.x, point.y];

@@ -12,6 +12,7 @@ use pyo3::{IntoPyObjectExt, exceptions::PyTypeError};
 use crate::expression::Filter;
 use crate::features::Fit;
 use crate::python::errors::InvalidParameter;
+use crate::python::numbers::Whole;
 use crate::segmentor::Segmentor;
 use crate::size::{SizeLimits, Sort};
 
@@ -102,8 +103,7 @@ fn count(name: &'static str, value: &Bound<'_, PyAny>) -> PyResult<Option<usize>
     if value.is_none() {
         return Ok(None);
     }
-    let value: i64 = value.extract()?;
-    Ok(Some(super::super::spans::count(name, value)?))
+    Ok(Some(value.extract::<Whole>()?.count(name)?))
 }
 
 impl PySegmentor {

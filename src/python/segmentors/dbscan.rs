@@ -5,7 +5,7 @@ use pyo3::types::PyDict;
 
 use super::base::{PySegmentor, arguments, value};
 use super::proximity::metric_of;
-use crate::python::spans::count;
+use crate::python::numbers::{Real, Whole};
 use crate::segmentor::Dbscan;
 
 /// Dense places grow together, points at their rim follow the nearest, all others get no segment.
@@ -51,15 +51,15 @@ pub struct PyDbscan {
 #[pymethods]
 impl PyDbscan {
     #[new]
-    #[pyo3(signature = (eps, min_points = Dbscan::MIN_POINTS as i64, metric = "xyz", **options))]
+    #[pyo3(signature = (eps, min_points = Whole::of(Dbscan::MIN_POINTS), metric = "xyz", **options))]
     fn new(
         py: Python<'_>,
-        eps: f64,
-        min_points: i64,
+        eps: Real,
+        min_points: Whole,
         metric: &str,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let min_points = count("min_points", min_points)?;
+        let (eps, min_points) = (eps.named("eps")?, min_points.count("min_points")?);
         let core = Dbscan::new(eps, min_points, metric_of(metric)?)?;
         let given = [("eps", value(py, eps)?), ("min_points", value(py, min_points)?), ("metric", value(py, metric)?)];
         let base = PySegmentor::new(core, "Dbscan", arguments(py, given)?, options, 1)?;

@@ -2,6 +2,7 @@
 
 use numpy::{AllowTypeChange, PyArray1, PyArray2};
 use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayLike1, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
@@ -103,7 +104,7 @@ impl Segmentor for Foreign {
             return Ok(Labels::from_any(&[]).into());
         }
         Python::attach(|py| {
-            let answer = self.answer(py, window)?;
+            let answer = self.answer(py, window).map_err(|error| self.marked(py, error, window.index()))?;
             Ok(self.labels(answer.bind(py), window.points().len())?.into())
         })
     }
@@ -153,6 +154,18 @@ impl Foreign {
             return Err(self.wrong(format!("returned the label {given}, allowed: 0 and above, or -1 = none")));
         }
         Ok(Labels::from_any(&labels))
+    }
+
+    /// Writes onto an exception whose it is and in which window it was raised, for those who tell people.
+    fn marked(&self, py: Python<'_>, error: Error, window: u64) -> Error {
+        if let Error::Foreign(foreign) = &error
+            && let Some(exception) = foreign.downcast_ref::<PyErr>()
+            && !exception.is_instance_of::<PyKeyboardInterrupt>(py)
+        {
+            // Where the exception takes no attributes, it is told like any other.
+            let _ = exception.value(py).setattr(intern!(py, "_streamseg_raised_in"), (&self.name, window));
+        }
+        error
     }
 
     fn wrong(&self, problem: String) -> Error {

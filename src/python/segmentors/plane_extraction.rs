@@ -6,6 +6,7 @@ use pyo3::types::PyDict;
 use super::base::{PySegmentor, arguments, value};
 use super::conditional_clustering::default_radius;
 use crate::expression::Calculator;
+use crate::python::numbers::{Real, Whole};
 use crate::python::searches::search;
 use crate::segmentor::{Coplanarity, PlaneExtraction};
 
@@ -70,9 +71,9 @@ impl PyPlaneExtraction {
         *,
         k = None,
         search_mode = "3d",
-        max_distance = Coplanarity::default().max_distance,
-        max_sigma = Coplanarity::default().max_sigma,
-        min_angle_deg = Coplanarity::default().min_angle_deg,
+        max_distance = Real::of(Coplanarity::default().max_distance),
+        max_sigma = Real::of(Coplanarity::default().max_sigma),
+        min_angle_deg = Real::of(Coplanarity::default().min_angle_deg),
         seed_calculator = PlaneExtraction::SEED_CALCULATOR,
         tile_size = None,
         **options
@@ -81,15 +82,19 @@ impl PyPlaneExtraction {
     fn new(
         py: Python<'_>,
         search_radius: Option<&Bound<'_, PyAny>>,
-        k: Option<i64>,
+        k: Option<Whole>,
         search_mode: &str,
-        max_distance: f64,
-        max_sigma: f64,
-        min_angle_deg: f64,
+        max_distance: Real,
+        max_sigma: Real,
+        min_angle_deg: Real,
         seed_calculator: &str,
-        tile_size: Option<f64>,
+        tile_size: Option<Real>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
+        let k = k.map(|k| k.named("k")).transpose()?;
+        let (max_distance, max_sigma) = (max_distance.named("max_distance")?, max_sigma.named("max_sigma")?);
+        let min_angle_deg = min_angle_deg.named("min_angle_deg")?;
+        let tile_size = tile_size.map(|side| side.named("tile_size")).transpose()?;
         let radii = default_radius(py, search_radius)?;
         let search = search(k, Some(radii.bind(py)), search_mode)?;
         let coplanarity = Coplanarity { max_distance, max_sigma, min_angle_deg, tile_size };

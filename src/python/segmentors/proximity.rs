@@ -6,6 +6,7 @@ use pyo3::types::PyDict;
 use super::base::{PySegmentor, arguments, value};
 use crate::lattice::Metric;
 use crate::python::errors::InvalidParameter;
+use crate::python::numbers::Real;
 use crate::segmentor::{Graph, Proximity};
 
 /// Joins neighbors that are within a distance: on the map's Delaunay triangulation, or all there are.
@@ -62,11 +63,12 @@ impl PyProximity {
     #[pyo3(signature = (distance, graph = "delaunay", metric = "xyz", **options))]
     fn new(
         py: Python<'_>,
-        distance: f64,
+        distance: Real,
         graph: &str,
         metric: &str,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
+        let distance = distance.named("distance")?;
         let pairs = match graph {
             "delaunay" => Graph::Delaunay,
             "radius" => Graph::Radius,

@@ -5,6 +5,7 @@ use pyo3::types::PyDict;
 
 use super::base::{PySegmentor, arguments, radius, value};
 use crate::neighborhood::Search;
+use crate::python::numbers::{Real, Whole};
 use crate::python::searches::search;
 use crate::segmentor::{Form, Growth, RegionGrowing};
 
@@ -56,12 +57,12 @@ pub struct PyRegionGrowing {
 impl PyRegionGrowing {
     #[new]
     #[pyo3(signature = (
-        k = Some(30),
+        k = Some(Whole::of(30)),
         *,
         search_radius = None,
-        angle_deg = Growth::default().angle_deg,
+        angle_deg = Real::of(Growth::default().angle_deg),
         curvature = Growth::default().curvature.name(),
-        max_curvature = Growth::default().max_curvature,
+        max_curvature = Growth::default().max_curvature.map(Real::of),
         residual = None,
         literal = false,
         smooth = true,
@@ -70,16 +71,20 @@ impl PyRegionGrowing {
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
         py: Python<'_>,
-        k: Option<i64>,
+        k: Option<Whole>,
         search_radius: Option<&Bound<'_, PyAny>>,
-        angle_deg: f64,
+        angle_deg: Real,
         curvature: &str,
-        max_curvature: Option<f64>,
-        residual: Option<f64>,
+        max_curvature: Option<Real>,
+        residual: Option<Real>,
         literal: bool,
         smooth: bool,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
+        let k = k.map(|k| k.named("k")).transpose()?;
+        let angle_deg = angle_deg.named("angle_deg")?;
+        let max_curvature = max_curvature.map(|limit| limit.named("max_curvature")).transpose()?;
+        let residual = residual.map(|limit| limit.named("residual")).transpose()?;
         let search = search(k, search_radius, "3d")?;
         let form = if literal { Form::Literal { smooth } } else { Form::OrderFree };
         let growth = Growth { search, angle_deg, curvature: curvature.parse()?, max_curvature, residual, form };

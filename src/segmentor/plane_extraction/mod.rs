@@ -161,6 +161,10 @@ impl Segmentor for PlaneExtraction {
         Some(self.search)
     }
 
+    fn bytes_per_point(&self) -> usize {
+        Grid::BYTES_PER_POINT + 110
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let [x, y, z, sigmas] = NEEDED.map(|name| column(window, name));
         let turns = self.turns(window)?;

@@ -51,10 +51,19 @@ impl Joined {
     /// Joins the near points of two stacks if these are sure to be neighbors; if not, leaves them open.
     #[inline]
     pub(super) fn decide(&mut self, a: Range<usize>, b: Range<usize>, is_final: impl FnOnce() -> bool) {
-        self.near.clear();
-        self.find_near(a, b);
-        if !self.near.is_empty() {
-            self.settle_near(is_final());
+        if a.len() > 1 || b.len() > 1 {
+            self.near.clear();
+            self.find_near(a, b);
+            if !self.near.is_empty() {
+                self.settle_near(is_final());
+            }
+        } else if self.within.pair(&self.points[a.start], &self.points[b.start]) {
+            if is_final() {
+                self.decided += 1;
+                self.sets.union(a.start as u32, b.start as u32);
+            } else {
+                self.open.push([a.start.min(b.start) as u32, a.start.max(b.start) as u32]);
+            }
         }
     }
 

@@ -95,6 +95,13 @@ impl Segmentor for Proximity {
         }
     }
 
+    fn bytes_per_point(&self) -> usize {
+        match self.graph {
+            Graph::Delaunay => 190,
+            Graph::Radius => Grid::BYTES_PER_POINT + 20,
+        }
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         Ok(match self.graph {
             Graph::Delaunay => self.segment_triangulation(window),

@@ -164,6 +164,10 @@ impl Segmentor for RegionGrowing {
         true
     }
 
+    fn bytes_per_point(&self) -> usize {
+        Grid::BYTES_PER_POINT + 60
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let surface = Surface::new(window, &self.growth)?;
         let neighbors = Neighbors::new(window, self.growth.search);

@@ -1,0 +1,31 @@
+"""The signals that ask a command to end: Ctrl-C, a closed terminal, and a system that shuts down."""
+
+from __future__ import annotations
+
+import signal
+from types import FrameType
+
+_ALIKE = ("SIGTERM", "SIGHUP")
+
+_received = [int(signal.SIGINT)]
+
+
+def listen() -> None:
+    """Treat signals that ask to end like Ctrl-C; those that are ignored, as below nohup, stay ignored."""
+    for name in _ALIKE:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _as_ctrl_c)
+
+
+def status() -> int:
+    """Exit status after an interrupt: 128 and the number of the signal, as shells have it."""
+    return 128 + _received[-1]
+
+
+def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
+    _received.append(number)
+    on_ctrl_c = signal.getsignal(signal.SIGINT)
+    if not callable(on_ctrl_c):
+        raise KeyboardInterrupt
+    on_ctrl_c(number, frame)
