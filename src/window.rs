@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::attribute::Columns;
 use crate::error::{Error, Result, at_least_one};
@@ -91,21 +91,37 @@ pub enum Halo {
 /// How much of the cloud has been loaded around some places, where the rest of it has not been loaded on purpose: lengths in
 /// units of the coordinates, on the map or in space, as the neighbors are sought.
 #[derive(Debug, Clone, Default)]
-pub struct Around(FxHashMap<[u64; 3], f64>);
+pub struct Around {
+    radii: FxHashMap<[u64; 3], f64>,
+    /// Places around which there may be more at exactly the radius.
+    tied: FxHashSet<[u64; 3]>,
+}
 
 impl Around {
-    /// Notes that all that lies within `radius` of `place` has been loaded.
-    pub fn add(&mut self, place: &[f64; 3], radius: f64) {
-        self.0.insert(place.map(f64::to_bits), radius);
+    /// Notes that all that lies within `radius` of `place` has been loaded; at exactly the radius perhaps not all if it
+    /// `is_tied`, but those with the smallest ids.
+    pub fn add(&mut self, place: &[f64; 3], radius: f64, is_tied: bool) {
+        self.radii.insert(place.map(f64::to_bits), radius);
+        if is_tied {
+            self.tied.insert(place.map(f64::to_bits));
+        }
+    }
+
+    /// The same where points have been left out: then others at exactly the radius count that were not loaded.
+    fn with_less(mut self) -> Self {
+        for place in std::mem::take(&mut self.tied) {
+            self.radii.entry(place).and_modify(|radius| *radius = radius.next_down());
+        }
+        self
     }
 
     /// How much has been loaded around `place`; less than nothing if it is none of the places.
     fn of(&self, place: &[f64; 3]) -> f64 {
-        self.0.get(&place.map(f64::to_bits)).copied().unwrap_or(f64::NEG_INFINITY)
+        self.radii.get(&place.map(f64::to_bits)).copied().unwrap_or(f64::NEG_INFINITY)
     }
 
     fn shrink(&mut self, margin: f64) {
-        self.0.values_mut().for_each(|radius| *radius -= margin);
+        self.radii.values_mut().for_each(|radius| *radius -= margin);
     }
 }
 
@@ -190,7 +206,7 @@ impl Window {
             point_ids: kept.iter().map(|i| self.point_ids[at(i)]).collect(),
             columns: self.columns.select(kept),
             extent: self.extent,
-            around: self.around.clone(),
+            around: self.around.clone().map(Around::with_less),
             valid: Some(match &self.valid {
                 Some(valid) => kept.iter().map(|i| valid[at(i)]).collect(),
                 None => kept.to_vec(),

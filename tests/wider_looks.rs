@@ -18,6 +18,7 @@ use streaming::{Outcome, Run, static_labels, static_labels_with, stream, stream_
 use streamseg::expression::Filter;
 use streamseg::features::Fit;
 use streamseg::label::NONE;
+use streamseg::lattice::Lattice;
 use streamseg::neighborhood::Search;
 use streamseg::recipe::{Ingredients, Recipe};
 use streamseg::segmentor::{Growth, RegionGrowing};
@@ -187,5 +188,37 @@ proptest! {
         let first = outcome(1, points.len().max(1));
         prop_assert_eq!(&outcome(2, chunk), &first);
         prop_assert_eq!(&outcome(3, 1), &first);
+    }
+}
+
+/// Found by the property above: of points at exactly the distance of the last one found, only those with the smallest ids
+/// are loaded for a second look, but a filter may leave them out; then others that were not loaded count.
+#[test]
+fn ties_that_a_filter_brings_in_are_not_forgotten() {
+    let lattice = Lattice::new([1.0; 3], [0.0; 3]).unwrap();
+    let scattered: [[i32; 3]; 11] = [
+        [-2, -2, 4],
+        [-2, 0, 3],
+        [0, 0, 4],
+        [1, -4, 4],
+        [-2, 0, 4],
+        [1, -1, 3],
+        [0, -3, 3],
+        [0, 2, 3],
+        [2, 2, 3],
+        [1, -4, 4],
+        [-1, 2, 0],
+    ];
+    let places = [[0, 0, 0]; 17].into_iter().chain(scattered).chain([[0, 0, 0]; 5]).chain([[0, 0, 7]; 11]);
+    let points: Vec<[f64; 3]> = places.map(|place| place.map(f64::from)).collect();
+    for seed in (0..200).chain([4_190_836_871_149_533_792]) {
+        let search = Search::Nearest { k: 4, flat: false, within: f64::INFINITY };
+        let growing = RegionGrowing::new(Growth { search, angle_deg: 10.0, ..Growth::default() }).unwrap();
+        let by_class = recipe(growing, Some("Classification = 2"), &GIVEN);
+        let columns = given(points.len(), seed);
+        let whole = static_labels_with(&points, &columns, lattice, &by_class);
+        let by = SpanBy::Width { width: 0.5, direction: Direction::X };
+        let run = Run { by, size: WindowSize::new(1, 0).unwrap(), source: Source::Stored, chunks: vec![7], threads: 1 };
+        check(&stream_with(&points, &columns, lattice, Arc::new(by_class), &run), &whole).unwrap();
     }
 }

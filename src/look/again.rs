@@ -105,8 +105,8 @@ impl LookAgain {
         let mut is_first = true;
         while !next.is_empty() {
             for some in next.chunks((MOST_FOUND / k).max(1)) {
-                for (point, Nearest { points, radius }) in some.iter().zip(search.nearest(some)?) {
-                    around.add(&point.place, radius);
+                for (point, Nearest { points, radius, is_tied }) in some.iter().zip(search.nearest(some)?) {
+                    around.add(&point.place, radius, is_tied);
                     places.insert(point.place.map(f64::to_bits));
                     found_for.insert(point.point_id);
                     loaded.extend(points.into_iter().map(|stored| (stored.point_id, stored)));

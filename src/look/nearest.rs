@@ -28,6 +28,8 @@ pub(super) struct Nearest {
     pub(super) points: Vec<Stored>,
     /// No other point is nearer than this, in units of the coordinates; ∞ if there are no others.
     pub(super) radius: f64,
+    /// Whether there are more at exactly this radius, with larger ids.
+    pub(super) is_tied: bool,
 }
 
 /// A point that may be one of the nearest.
@@ -56,6 +58,14 @@ impl PartialEq for Candidate {
 
 impl Eq for Candidate {}
 
+/// The nearest points so far.
+#[derive(Default)]
+struct Candidates {
+    nearest: BinaryHeap<Candidate>,
+    /// The least squared distance of those that were dropped.
+    beyond: Option<f64>,
+}
+
 /// Finds the nearest points of many points at the same time.
 pub(super) struct Search<'a> {
     archive: &'a dyn Archive,
@@ -74,7 +84,7 @@ impl<'a> Search<'a> {
 
     /// The nearest points of each of `points`.
     pub(super) fn nearest(&self, points: &[Stored]) -> Result<Vec<Nearest>> {
-        let mut found: Vec<BinaryHeap<Candidate>> = points.iter().map(|_| BinaryHeap::new()).collect();
+        let mut found: Vec<Candidates> = points.iter().map(|_| Candidates::default()).collect();
         let mut ring: BTreeSet<u64> = points.iter().filter(|_| self.wanted > 0).map(|point| point.span).collect();
         let mut seen = BTreeSet::new();
         // What is found nearby keeps the way to other spans short.
@@ -96,17 +106,19 @@ impl<'a> Search<'a> {
         Ok(found.into_iter().map(|candidates| self.told(candidates)).collect())
     }
 
-    fn told(&self, candidates: BinaryHeap<Candidate>) -> Nearest {
-        let is_all = candidates.len() < self.wanted;
-        let last = candidates.peek().map_or(0.0, |last| self.within.length(last.squared));
-        let points = candidates.into_iter().map(|candidate| candidate.stored).collect();
-        Nearest { points, radius: if is_all { f64::INFINITY } else { last } }
+    fn told(&self, Candidates { nearest, beyond }: Candidates) -> Nearest {
+        let is_all = nearest.len() < self.wanted;
+        let last = nearest.peek().map_or(0.0, |last| last.squared);
+        let points = nearest.into_iter().map(|candidate| candidate.stored).collect();
+        let radius = if is_all { f64::INFINITY } else { self.within.length(last) };
+        // Where no other is wanted, nobody has looked whether there are some at the same place.
+        Nearest { points, radius, is_tied: self.wanted == 0 || beyond == Some(last) }
     }
 
     /// How far away the last of those found is; nothing is too far while more are wanted.
-    fn reach(&self, found: &BinaryHeap<Candidate>) -> f64 {
-        match found.peek() {
-            Some(last) if found.len() == self.wanted => self.within.length(last.squared) * (1.0 + SLACK),
+    fn reach(&self, Candidates { nearest, .. }: &Candidates) -> f64 {
+        match nearest.peek() {
+            Some(last) if nearest.len() == self.wanted => self.within.length(last.squared) * (1.0 + SLACK),
             _ => f64::INFINITY,
         }
     }
@@ -117,7 +129,7 @@ impl<'a> Search<'a> {
         index: u64,
         for_whom: impl Fn(&Stored) -> bool,
         points: &[Stored],
-        found: &mut [BinaryHeap<Candidate>],
+        found: &mut [Candidates],
     ) -> Result<bool> {
         let extent = self.archive.extents()[index as usize];
         let is_near = |at: &usize| {
@@ -149,13 +161,12 @@ impl<'a> Search<'a> {
         Ok(true)
     }
 
-    fn consider(&self, candidate: Candidate, found: &mut BinaryHeap<Candidate>) {
-        if found.len() < self.wanted {
-            found.push(candidate);
-        } else if let Some(mut last) = found.peek_mut()
-            && candidate < *last
+    fn consider(&self, candidate: Candidate, found: &mut Candidates) {
+        found.nearest.push(candidate);
+        if found.nearest.len() > self.wanted
+            && let Some(dropped) = found.nearest.pop()
         {
-            *last = candidate;
+            found.beyond = Some(found.beyond.map_or(dropped.squared, |beyond| beyond.min(dropped.squared)));
         }
     }
 }
