@@ -78,6 +78,7 @@ impl Recipe {
         }
         for filter in [&recipe.ingredients.filter, &recipe.ingredients.seed_filter].into_iter().flatten() {
             if !has_more {
+                recipe.check_features(filter.attributes(), available)?;
                 filter.check(&known)?;
             }
             needed.extend(filter.attributes().map(ToString::to_string));
@@ -88,6 +89,18 @@ impl Recipe {
             recipe.provide(&name, if is_half { &[] } else { available }, has_more && !is_half)?;
         }
         Ok(recipe)
+    }
+
+    /// Refuses features that the cloud does not have and that nothing could be computed from: a better answer than that
+    /// there is no such attribute.
+    fn check_features<'a>(&self, names: impl Iterator<Item = &'a str>, available: &[String]) -> Result<()> {
+        let is_read = |name: &str| available.iter().any(|column| is_same_name(column, name));
+        match names.filter(|name| !is_read(name)).find_map(Feature::by_name) {
+            Some(feature) if self.search.is_none() => {
+                Err(Error::NoNeighborhood { name: feature.name(), segmentor: self.name().into() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Decides where an attribute comes from. Coordinates are those of the points, whatever a file calls its whole
