@@ -237,7 +237,10 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         "--method conditional --search-radius 1,2,3,4 --search-mode 2.5d",
         ["--search-radius is (1.0, 2.0, 3.0, 4.0), allowed: "],
     ),
-    "radius below 0": ("--method planes --search-radius -1", ["--search-radius is -1, allowed: a finite number above 0"]),
+    "radius below 0": (
+        "--method planes --search-radius -1",
+        ["--search-radius is -1, allowed: a finite number above 0"],
+    ),
     "mode": ("--method conditional --search-mode 3", ["--search-mode is '3', allowed: '2d', '2.5d' or '3d'"]),
     "criterion": (
         "--method conditional --criterion 'abs(Z-n[0].Z)<'",
