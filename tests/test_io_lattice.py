@@ -52,7 +52,7 @@ def test_offsets_a_hair_beside_whole_steps_count_as_whole() -> None:
 
 
 def test_what_cannot_be_matched_is_rounded_and_said(tmp_path: Path) -> None:
-    for name, offset in (("a.las", 0.0), ("b.las", 1 / 3)):
+    for name, offset in (("a.las", 0.0), ("b.las", 1 / 3), ("c.las", 1 / 3)):
         header = laspy.LasHeader(point_format=0)
         header.scales, header.offsets = np.full(3, 0.01), np.array([offset, 0.0, 0.0])
         las = laspy.LasData(header)
@@ -65,4 +65,4 @@ def test_what_cannot_be_matched_is_rounded_and_said(tmp_path: Path) -> None:
     assert np.array_equal(second[:, 0], np.arange(100) + 33)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        open_cloud([tmp_path / "b.las", tmp_path / "b.las"])
+        open_cloud([tmp_path / "b.las", tmp_path / "c.las"])
