@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import csv
 import functools
-import inspect
 import tempfile
 import time
 import warnings
@@ -33,8 +32,6 @@ WIDTHS = (2.0, 4.0, 10.0, 20.0, 40.0)
 DIRECTIONS = ("x", "y", "30")
 BY_WIDTH = ("delaunay", "growing", "growing-radius", "dbscan")
 SMALL = "topography"
-
-HAS_REVISIT = "revisit" in inspect.signature(ss.stream).parameters
 
 
 class Key(NamedTuple):
@@ -160,7 +157,9 @@ def add_orders(table: Table, names: tuple[str, str], seeds: int) -> None:
     subject = Subject(*names)
     for order in orders(load(subject.cloud), seeds):
         for source in ("file", "array", "live"):
-            for revisit in ("yes", "no") if HAS_REVISIT else ("no",):
+            # A live source gives no second look at points far away, which k neighbors without a radius would need.
+            is_refused = source == "live" and names[1] == "growing"
+            for revisit in ("no",) if is_refused else ("yes", "no"):
                 more = {"revisit": True} if revisit == "yes" else {}
                 key = Key(*names, source, order.name, revisit)
                 table.add(key, functools.partial(in_order, subject, order, source, more))
@@ -182,8 +181,6 @@ def main() -> None:
     warnings.simplefilter("ignore", ss.StreamsegWarning)
     clouds = options.clouds or ([SMALL] if options.quick else [name for name in CLOUDS if name != SMALL])
     methods = options.methods or (METHODS if options.orders else BY_WIDTH)
-    if options.orders and not HAS_REVISIT:
-        print("this version of streamseg does not come back to earlier ground (revisit)")
     table = Table(options.out)
     for names in [(cloud, method) for cloud in clouds for method in methods]:
         if options.orders:

@@ -149,10 +149,10 @@ fn weave(script: &Script, threads: usize) -> Result<(Weaver, Vec<EvictedSpan>, S
             labels,
             seeded: (script.seedless > 0).then_some(&seeded),
             agrees: if script.disagree > 0 { Some(&agrees) } else { None },
-            returned: &returned,
         };
         weaver.await_segments(&awaited.iter().copied().filter(|id| *id < first).collect::<Vec<_>>());
-        evicted.extend(weaver.weave(&window, &crew).unwrap());
+        evicted.extend(weaver.weave(&window, &crew));
+        weaver.join_returned(&returned, first, index).unwrap();
         weaver.join_late(&late, index).unwrap();
         let said = Said { labels: labels.of_points(), is_seeded: &is_seeded, agrees: &agrees };
         gone.extend(twin.weave(index as i64, first_span, span_points, &said));
@@ -344,8 +344,8 @@ fn threads_that_share_a_window_give_the_ids_of_one() {
         script.play(|index, first_span, span_points, labels| {
             let seeded: Vec<bool> = (0..labels.count() as i32).map(|label| script.is_seeded(index, label)).collect();
             let (seeded, agrees) = (Some(&seeded[..]), Some(&agrees as &Agreement<'_>));
-            let window = LabelledWindow { index, first_span, span_points, labels, seeded, agrees, returned: &[] };
-            evicted.extend(weaver.weave(&window, &crew).unwrap());
+            let window = LabelledWindow { index, first_span, span_points, labels, seeded, agrees };
+            evicted.extend(weaver.weave(&window, &crew));
         });
         evicted.extend(weaver.finish());
         (evicted, closed(&mut weaver))

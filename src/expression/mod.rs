@@ -20,8 +20,10 @@
 
 mod counterexample;
 mod normal_form;
+mod operands;
 mod operation;
 mod parse;
+mod precedence;
 mod problem;
 mod program;
 mod region;

@@ -94,8 +94,6 @@ pub struct LabelledWindow<'a> {
     /// Asked once for each segment of an earlier window and each label of this that share points; where it says no they
     /// are not a pair. None = sharing points is enough.
     pub agrees: Option<&'a Agreement<'a>>,
-    /// Segments that share points with a label, though those points are not among the window's own.
-    pub returned: &'a [Returned],
 }
 
 /// A segment of an earlier window, in scope or not, some of whose points were looked at again in a later window.
@@ -164,10 +162,7 @@ impl Weaver {
     }
 
     /// Weaves the next window; returns the spans that go out of scope, in order.
-    ///
-    /// # Errors
-    /// If a segment returns that is not remembered.
-    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Result<Vec<EvictedSpan>> {
+    pub fn weave(&mut self, window: &LabelledWindow<'_>, crew: &Crew) -> Vec<EvictedSpan> {
         let evicted = self.evict_before(self.previous_first);
         self.previous_first = window.first_span;
         let first_id = self.carry.next_id();
@@ -187,15 +182,23 @@ impl Weaver {
                 self.joins += 1;
             }
         }
-        for &Returned { segment_id, label, points } in window.returned {
-            self.join_any(segment_id, first_id + SegmentId::from(label), window.index, points)?;
-        }
-        Ok(evicted)
+        evicted
     }
 
     /// Ends the stream: everything left goes out of scope.
     pub fn finish(&mut self) -> Vec<EvictedSpan> {
         self.evict_before(u64::MAX)
+    }
+
+    /// Joins earlier segments, in scope or not, with labels of the window just woven, whose label 0 is the segment
+    /// `first_id`: they share points that are not among its own.
+    ///
+    /// # Errors
+    /// If a segment returns that is not remembered.
+    pub fn join_returned(&mut self, returned: &[Returned], first_id: SegmentId, window: u64) -> Result<()> {
+        returned.iter().try_for_each(|&Returned { segment_id, label, points }| {
+            self.join_any(segment_id, first_id + SegmentId::from(label), window, points)
+        })
     }
 
     /// Joins pairs of segments that were found to be one by something else than shared points, with the window that

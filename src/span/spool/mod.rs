@@ -3,15 +3,21 @@
 //! Inside a slab the points keep the order of the stream. What a slab leaves in the file when it is handed on is written
 //! to again.
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
-use std::ops::{Range, RangeInclusive};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+mod file;
+mod laid;
+mod places;
 
-use super::{Archive, Chunk, Extent, PointIds, SlabIndex, Span};
+use std::collections::BTreeMap;
+use std::ops::{Range, RangeInclusive};
+use std::sync::Mutex;
+
+pub(super) use laid::Laid;
+pub(super) use places::Places;
+
+use super::{Chunk, PointIds, SlabIndex, Span};
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
+use file::{SpoolFile, Stretch};
 
 /// How many bytes of points wait in memory before they go to disk.
 const SPOOL_MEMORY: usize = 16 << 20;
@@ -161,61 +167,6 @@ impl Spool {
     }
 }
 
-/// The spans of a cloud that has come to its end.
-pub(super) struct Laid {
-    extents: Vec<Extent>,
-    slabs: Vec<Slab>,
-    file: Mutex<SpoolFile>,
-}
-
-impl Archive for Arc<OnceLock<Laid>> {
-    fn extents(&self) -> &[Extent] {
-        self.get().map_or(&[], |laid| &laid.extents)
-    }
-
-    fn read(&self, index: u64) -> Result<Span> {
-        let missing = || Error::spool("read", io::ErrorKind::NotFound.into());
-        let Laid { extents, slabs, file } = self.get().ok_or_else(missing)?;
-        let slab = slabs.get(index as usize).ok_or_else(missing)?;
-        let (extent, mut file) = (Some(extents[index as usize]), file.lock().unwrap_or_else(PoisonError::into_inner));
-        let (point_ids, Chunk { points, attributes }) =
-            in_stream_order(file.read(slab).map_err(|e| Error::spool("read", e))?);
-        Ok(Span { index, point_ids: PointIds::Listed(point_ids), points, attributes, extent })
-    }
-}
-
-/// Tells in which slab each point of a stream lies, run by run.
-pub(super) struct Places {
-    slab_of: SlabIndex,
-    /// The slab of the last point.
-    at: i64,
-}
-
-impl Places {
-    pub(super) fn new(slab_of: SlabIndex) -> Self {
-        Self { slab_of, at: 0 }
-    }
-
-    /// Calls `each` with a slab and the positions of consecutive points that lie there. A point with no valid position
-    /// stays with the points it came with.
-    pub(super) fn for_each_run(&mut self, points: &[[f64; 3]], mut each: impl FnMut(i64, Range<usize>)) -> Result<()> {
-        let mut start = 0;
-        for (position, point) in points.iter().enumerate() {
-            let at = self.slab_of.of(point)?.unwrap_or(self.at);
-            if at != self.at {
-                if start < position {
-                    each(self.at, start..position);
-                }
-                (self.at, start) = (at, position);
-            }
-        }
-        if start < points.len() {
-            each(self.at, start..points.len());
-        }
-        Ok(())
-    }
-}
-
 /// The points of one slab: those already on disk, and those that wait in memory.
 #[derive(Default)]
 struct Slab {
@@ -249,120 +200,4 @@ fn in_stream_order((point_ids, chunk): (Vec<i64>, Chunk)) -> (Vec<i64>, Chunk) {
 
 fn bytes_per_point(attributes: usize) -> usize {
     BYTES_PER_POINT + attributes * size_of::<f64>()
-}
-
-/// Where some points of a slab lie in the file: their ids, their coordinates, then attribute by attribute.
-struct Stretch {
-    start: u64,
-    points: usize,
-}
-
-/// A temporary file, as long as at some time needed.
-#[derive(Default)]
-struct SpoolFile {
-    file: Option<File>,
-    /// How many attributes a written point has.
-    attributes: usize,
-    end: u64,
-    /// Bytes that are not needed any more: where such a gap starts, and how long it is.
-    gaps: BTreeMap<u64, u64>,
-}
-
-impl SpoolFile {
-    fn is_open(&self) -> bool {
-        self.file.is_some()
-    }
-
-    fn write<'a>(&mut self, slabs: impl Iterator<Item = &'a mut Slab>) -> io::Result<()> {
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => tempfile::tempfile()?,
-        };
-        let mut writer = BufWriter::with_capacity(1 << 20, file);
-        let mut at = writer.stream_position()?;
-        for slab in slabs.filter(|slab| !slab.point_ids.is_empty()) {
-            let Chunk { points, attributes } = std::mem::take(&mut slab.held);
-            let bytes = (points.len() * bytes_per_point(attributes.len())) as u64;
-            let start = self.find_room(bytes);
-            if start != at {
-                writer.seek(SeekFrom::Start(start))?;
-            }
-            writer.write_all(bytemuck::cast_slice(&std::mem::take(&mut slab.point_ids)))?;
-            writer.write_all(bytemuck::cast_slice(&points))?;
-            for values in &attributes {
-                writer.write_all(bytemuck::cast_slice(values))?;
-            }
-            slab.written.push(Stretch { start, points: points.len() });
-            at = start + bytes;
-            self.attributes = attributes.len();
-        }
-        self.file = Some(writer.into_inner().map_err(io::IntoInnerError::into_error)?);
-        Ok(())
-    }
-
-    /// The first gap with room for so many bytes, or the end of the file.
-    fn find_room(&mut self, bytes: u64) -> u64 {
-        let Some((start, room)) = self.gaps.iter().map(|(&start, &room)| (start, room)).find(|gap| gap.1 >= bytes)
-        else {
-            let start = self.end;
-            self.end += bytes;
-            return start;
-        };
-        self.gaps.remove(&start);
-        if room > bytes {
-            self.gaps.insert(start + bytes, room - bytes);
-        }
-        start
-    }
-
-    /// Makes a gap, one with those beside it.
-    fn leave(&mut self, start: u64, bytes: u64) {
-        let (mut start, mut end) = (start, start + bytes);
-        if let Some((&before, &room)) = self.gaps.range(..start).next_back()
-            && before + room == start
-        {
-            self.gaps.remove(&before);
-            start = before;
-        }
-        if let Some(room) = self.gaps.remove(&end) {
-            end += room;
-        }
-        self.gaps.insert(start, end - start);
-    }
-
-    /// Reads a slab and leaves its place.
-    fn take(&mut self, slab: Slab) -> io::Result<(Vec<i64>, Chunk)> {
-        if self.file.is_none() {
-            return Ok((slab.point_ids, slab.held));
-        }
-        let read = self.read(&slab)?;
-        let bytes = bytes_per_point(self.attributes);
-        for Stretch { start, points } in slab.written {
-            self.leave(start, (points * bytes) as u64);
-        }
-        Ok(read)
-    }
-
-    fn read(&mut self, slab: &Slab) -> io::Result<(Vec<i64>, Chunk)> {
-        let Some(file) = &mut self.file else { return Ok((slab.point_ids.clone(), slab.held.clone())) };
-        let written: usize = slab.written.iter().map(|stretch| stretch.points).sum();
-        let mut point_ids = vec![0i64; written];
-        let mut points = vec![[0.0f64; 3]; written];
-        let mut attributes = vec![vec![0.0f64; written]; self.attributes];
-        let mut at = 0;
-        for stretch in &slab.written {
-            let range = at..at + stretch.points;
-            file.seek(SeekFrom::Start(stretch.start))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut point_ids[range.clone()]))?;
-            file.read_exact(bytemuck::cast_slice_mut(&mut points[range.clone()]))?;
-            for values in &mut attributes {
-                file.read_exact(bytemuck::cast_slice_mut(&mut values[range.clone()]))?;
-            }
-            at = range.end;
-        }
-        let mut chunk = Chunk { points, attributes };
-        point_ids.extend_from_slice(&slab.point_ids);
-        chunk.append(&slab.held, 0..slab.held.points.len());
-        Ok((point_ids, chunk))
-    }
 }
