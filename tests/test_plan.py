@@ -202,8 +202,11 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
     [
         (["info", "line.npy", "--distance", 1], "--distance 1 is given without --plan, allowed: FILE only"),
         (["info", "line.npy", "--plan"], "--method proximity needs --distance"),
-        (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "--spans is given with --plan, allowed: none"),
-        (["info", "line.npy", "--plan", "--distance", 1, "--span-width", 3], "--span-width is '3' with --plan"),
+        (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "streamseg: --spans is given with --plan"),
+        (
+            ["info", "line.npy", "--plan", "--distance", 1, "--span-width", 3],
+            "streamseg: --span-width is given with --plan",
+        ),
         (["info", "line.npy", "--plan", "--distance", 1, "--wide"], "No such option: --wide"),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "wide"],
@@ -211,11 +214,11 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
         ),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "auto", "--direction", "y"],
-            "--direction is given with --span-width auto",
+            "streamseg: --direction is given with --span-width auto",
         ),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--max-memory", "1GB", "--spans", 4],
-            "window is Window(spans=4, overlap=1) with a plan",
+            "streamseg: --spans is given with --max-memory, which chooses it; leave it out",
         ),
     ],
 )
