@@ -10,7 +10,7 @@ import typer
 
 from ..errors import InvalidParameter
 from ..plan import plan
-from ..run import cores
+from ..threads import cores
 from . import methods
 from .segment import segment
 

@@ -11,12 +11,12 @@ from typing import Annotated, Any
 import typer
 
 from .._core import Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ..cutting import Spans
 from ..errors import InvalidParameter
 from ..files import Outcome, segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from ..run import Spans
 from . import interrupt, methods
 from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
 
