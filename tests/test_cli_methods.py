@@ -359,6 +359,13 @@ def test_what_a_plan_chooses_is_not_given(run: Run, village: Path, option: str, 
         assert done.err == f"streamseg: {option} is given with {planner}, which chooses it; leave it out\n"
 
 
+def test_the_threads_of_a_plan_are_checked(run: Run, village: Path) -> None:
+    for threads in (0, -3):
+        done = run("info", village, "--plan", "--distance", 1, "--threads", threads)
+        assert done.status == 2
+        assert done.err.startswith(f"streamseg: --threads is {threads}, allowed: ")
+
+
 def test_the_size_of_a_picture_is_no_voxel(run: Run, village: Path) -> None:
     done = run("preview", village, "out.png", "--size", 0)
     assert (done.status, done.err) == (2, "streamseg: --size is 0, must be 200 to 20000 pixels\n")

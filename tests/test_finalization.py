@@ -305,7 +305,7 @@ def test_counting_is_of_positions_only_and_refuses_what_the_run_would(data: Path
     with pytest.raises(ss.InvalidInput, match="point 4 has the coordinates"):
         ss.stream(points, ss.Dbscan(1.0), spans=ss.SpanByCount(3), revisit=True)
     with pytest.raises(ss.InvalidParameter, match="width is 0"):
-        SlabCounts(iter([]), 0.0, scale=None, offset=None, drop_invalid=False, on_progress=None)
+        SlabCounts(iter([]), 0.0, lattice=None, drop_invalid=False, on_progress=None)
     names: list[tuple[str, ...]] = []
     source = open_source(data / "als" / "topography.laz")
 

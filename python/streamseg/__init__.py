@@ -27,6 +27,7 @@ from ._core import (
     WindowPoints,
     __version__,
 )
+from .certificate import Certificate
 from .errors import (
     FileError,
     InvalidInput,
@@ -47,7 +48,7 @@ from .plugins import plugin, plugin_names
 from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
-from .stream import Certificate, LeftOut, Progress, Span, Stream
+from .stream import LeftOut, Progress, Span, Stream
 from .verification import Verification, verify
 
 __all__ = [

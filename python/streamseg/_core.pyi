@@ -52,27 +52,28 @@ __all__ = [
 __version__: str
 _stub: str
 
+_Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
+_LatticeOf = tuple[_Triple, _Triple]
+
 def default_spans(recipe: Recipe, points: int | None, extent: float | None) -> Any: ...
 def _plan(
-    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    chunks: _Chunks,
     recipe: Recipe,
     max_memory: int | str | None,
     *,
-    scale: _Triple | None,
-    offset: _Triple | None,
+    lattice: _LatticeOf | None,
     with_history: bool,
     drop_invalid: bool,
 ) -> Plan: ...
 def _features(
-    chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+    chunks: _Chunks,
     names: Sequence[str],
     *,
     k: int | None,
     search_radius: float | Sequence[float] | None,
     search_mode: str,
     normals: str,
-    scale: _Triple | None,
-    offset: _Triple | None,
+    lattice: _LatticeOf | None,
 ) -> list[NDArray[np.float64]]: ...
 
 class _Options(TypedDict, total=False):
@@ -212,14 +213,13 @@ class Recipe:
     def __new__(cls, segmentor: Any, stages: Sequence[Any], available: list[str], has_more: bool) -> Recipe: ...
     @property
     def reads(self) -> list[str]: ...
-    @property
-    def is_monotone(self) -> bool: ...
+    def coming_back(
+        self, spans: Any, window: Window, *, stored: bool, lattice: _LatticeOf | None
+    ) -> Literal["nothing", "bring back", "wait"]: ...
     @property
     def is_bounded(self) -> bool: ...
 
 _Statistics = tuple[int, float, float] | tuple[int, float, float, tuple[float, float]]
-_Chunks = Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]]
-_LatticeOf = tuple[_Triple, _Triple]
 
 @final
 class StatisticalOutlierRemoval:
@@ -456,14 +456,13 @@ class SettledSpan:
 class Pipeline:
     def __new__(
         cls,
-        chunks: Iterator[tuple[ArrayLike, tuple[ArrayLike, ...]]],
+        chunks: _Chunks,
         recipe: Recipe,
         spans: Any,
         window: Window,
         *,
         stored: bool,
-        scale: _Triple | None,
-        offset: _Triple | None,
+        lattice: _LatticeOf | None,
         threads: int,
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
@@ -471,12 +470,14 @@ class Pipeline:
         min_segment_size: int = ...,
         max_segment_size: int | None = None,
         sort: str = "native",
-        revisit: bool = False,
+        brings_back: bool = False,
     ) -> Pipeline: ...
     @property
     def exactness(self) -> str: ...
     @property
     def is_identical(self) -> bool: ...
+    @property
+    def is_in_stream_order(self) -> bool: ...
     @property
     def promise(self) -> str: ...
     @property
@@ -507,8 +508,7 @@ class SlabCounts:
         chunks: _Chunks,
         width: float,
         *,
-        scale: _Triple | None,
-        offset: _Triple | None,
+        lattice: _LatticeOf | None,
         drop_invalid: bool,
         on_progress: Callable[[_Progress], None] | None,
     ) -> SlabCounts: ...
@@ -521,9 +521,7 @@ class SlabCounts:
 
 @final
 class Settlement:
-    def __new__(
-        cls, *, scale: _Triple | None = None, offset: _Triple | None = None, with_points: bool = True
-    ) -> Settlement: ...
+    def __new__(cls, *, lattice: _LatticeOf | None = None, with_points: bool = True) -> Settlement: ...
     def keep(self, span: Span) -> None: ...
     def keep_ids(self, index: int, point_ids: _Ids, carried_ids: _Ids, settles_at: int) -> None: ...
     def __iter__(self, /) -> Settlement: ...

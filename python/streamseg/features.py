@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ._core import FeatureSurvey, _features
 from .errors import warn
-from .preprocessing import SpanBy, lattice_of
+from .preprocessing import SpanBy
 from .source import Source, laid_out, needed_by, open_source
 
 
@@ -88,7 +88,7 @@ def features(
     opened = laid_out(open_source(source), spans)
     search: dict[str, Any] = {"k": k, "search_radius": search_radius, "search_mode": search_mode, "normals": normals}
     if spans is None:
-        columns = _features(opened.chunks(()), asked, **search, scale=opened.scale, offset=opened.offset)
+        columns = _features(opened.chunks(()), asked, **search, lattice=opened.lattice)
     else:
         columns = _streamed(opened, asked, spans, threads, search)
     if damage := opened.damage():
@@ -104,7 +104,7 @@ def _streamed(
         names,
         spans,
         stored=source.stored,
-        lattice=lattice_of(source),
+        lattice=source.lattice,
         threads=threads,
         **search,
     )

@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
+from .certificate import Certificate
+from .cutting import Spans
 from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .plan import MaxMemory, Stages
-from .run import Spans, stream
+from .run import stream
 from .source import PathLike, counted, open_source
-from .stream import PATIENCE, Certificate, LeftOut, Progress, Result, Stream
+from .stream import PATIENCE, LeftOut, Progress, Result, Stream
 
 
 class Outcome(NamedTuple):

@@ -64,8 +64,7 @@ def slabs_for(
     counts = SlabCounts(
         source.chunks(()),
         spans.width,
-        scale=source.scale,
-        offset=source.offset,
+        lattice=source.lattice,
         drop_invalid=drop_invalid,
         on_progress=on_progress,
     )

@@ -63,7 +63,8 @@ class HistoryWriter:
     ) -> None:
         self._parquet = _parquet()
         self._folder = folder
-        _prepare(folder, overwrite)
+        check_free(folder, overwrite)
+        _prepare(folder)
         self._waiting: dict[str, list[NDArray[np.int64]]] = {table: [] for table in _COLUMNS}
         self._waiting_rows = 0
         self._next_span = 0
@@ -159,19 +160,27 @@ class HistoryWriter:
             raise FileError(f"the history {self._folder} cannot be written: {error}") from error
 
 
-def _prepare(folder: Path, overwrite: bool) -> None:
-    """Make the folders; refuse to write into a folder that is something else."""
+def check_free(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that is something else, or a history that is not to be replaced; and any without pyarrow."""
+    _parquet()
     try:
         is_history = (folder / MANIFEST).is_file()
         if not is_history and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
         if is_history and not overwrite:
             raise OutputExists(f"the history {folder} exists; give another folder, or overwrite=True (--overwrite)")
+    except OutputExists:
+        raise
+    except OSError as error:
+        raise FileError(f"the history {folder} cannot be made: {error.strerror}") from error
+
+
+def _prepare(folder: Path) -> None:
+    """Make the folders, empty."""
+    try:
         for table in _COLUMNS:
             shutil.rmtree(folder / table, ignore_errors=True)
             (folder / table).mkdir(parents=True)
-    except OutputExists:
-        raise
     except OSError as error:
         raise FileError(f"the history {folder} cannot be made: {error.strerror}") from error
 
@@ -227,7 +236,7 @@ class History:
             raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
         if not isinstance(manifest.get("parameters"), dict):
             raise InvalidInput(f"{path} is damaged: it has no parameters")
-        for count in ("points", "spans", "windows", "segment_ids", "parts"):
+        for count in ("points", "spans", "windows", "segment_ids", "late_joins", "parts"):
             if not isinstance(manifest.get(count), int) or not 0 <= manifest[count] < _MOST:
                 raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
         self.manifest: dict[str, Any] = manifest
@@ -242,13 +251,8 @@ class History:
                 points["segment_id"],
                 segments["segment_id"],
                 segments["next_segment_id"],
-                self._read("seedless", part)["segment_id"] if self._has_limits else np.empty(0, np.int64),
+                self._read("seedless", part)["segment_id"],
             )
-
-    @property
-    def _has_limits(self) -> bool:
-        """Histories of earlier versions know neither limits nor seeds."""
-        return "min_segment_size" in self.manifest["parameters"]
 
     def resolve(self, *, limits: bool = True) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Turn the raw ids of all points into final ids, in bounded memory.
@@ -273,7 +277,7 @@ class History:
         FileError, InvalidInput
             If the history is damaged; before anything is yielded.
         """
-        replay = Replay(self.manifest["segment_ids"], late_joins=bool(self.manifest.get("late_joins")))
+        replay = Replay(self.manifest["segment_ids"], late_joins=self.manifest["late_joins"] > 0)
         settlement = Settlement(with_points=False)
         points = 0
         for index, part in enumerate(self.parts()):
@@ -290,7 +294,7 @@ class History:
             yield settled.point_ids, settled.segment_ids
 
     def _settle(self, replay: Replay, settlement: Settlement, limits: bool) -> None:
-        if not (limits and self._has_limits):
+        if not limits:
             replay.settle(settlement)
             return
         kept = tuple(
@@ -308,8 +312,6 @@ class History:
 
         written = []
         for table in _COLUMNS:
-            if table == "seedless" and not self._has_limits:
-                continue
             path = Path(folder) / f"{table}.csv"
             if path.exists() and not overwrite:
                 raise OutputExists(f"{path} exists; give another folder, or overwrite=True (--overwrite)")

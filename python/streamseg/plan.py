@@ -91,8 +91,7 @@ def planned(
         source.chunks(()),
         recipe,
         max_memory,
-        scale=source.scale,
-        offset=source.offset,
+        lattice=source.lattice,
         with_history=with_history,
         drop_invalid=drop_invalid,
     )

@@ -22,6 +22,7 @@ from ._core import (
 )
 from .errors import InvalidParameter, warn
 from .source import Attributes, Source, laid_out, needed_by, open_source
+from .threads import checked_threads
 
 Stage = StatisticalOutlierRemoval | RadiusOutlierRemoval | VoxelGrid
 SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
@@ -89,7 +90,8 @@ def preprocess(
     [[2.0], [7.0]]
     """
     opened = laid_out(open_source(source, attributes), spans)
-    ready = prepare(stages, opened, threads=threads, drop_invalid=drop_invalid)
+    at_a_time = checked_threads(threads) or 1
+    ready = prepare(stages, opened, threads=at_a_time, drop_invalid=drop_invalid)
     if spans is None and opened.stored:
         spans, _ = spans_for(opened, 2 * _finite(_halo_of(ready)))
     core = Thinning(
@@ -97,8 +99,8 @@ def preprocess(
         ready,
         spans,
         stored=opened.stored,
-        lattice=lattice_of(opened),
-        threads=threads,
+        lattice=opened.lattice,
+        threads=at_a_time,
         drop_invalid=drop_invalid,
     )
     return _told_of_damage(core, opened)
@@ -145,16 +147,17 @@ def prepare(
     """
     ready: list[Stage] = []
     opened = open_source(source)
-    for stage in _listed(stages):
+    for stage in listed(stages):
         if isinstance(stage, StatisticalOutlierRemoval) and stage.statistics == "global" and opened.stored:
-            ready.append(_measured(stage, ready, opened, threads, drop_invalid))
+            ready.append(_measured(stage, ready, opened, checked_threads(threads) or 1, drop_invalid))
         else:
             ready.append(stage)
     _halo_of(ready)  # refuses what is no stage, or cannot be one here
     return ready
 
 
-def _listed(stages: Stage | Iterable[Stage]) -> list[Stage]:
+def listed(stages: Stage | Iterable[Stage]) -> list[Stage]:
+    """One stage or several, as a list."""
     if isinstance(stages, (StatisticalOutlierRemoval, RadiusOutlierRemoval, VoxelGrid)):
         return [stages]
     try:
@@ -180,7 +183,7 @@ def _measured(
         earlier,
         spans=spans,
         width=width,
-        lattice=lattice_of(source),
+        lattice=source.lattice,
         threads=threads,
         drop_invalid=drop_invalid,
     )
@@ -212,11 +215,6 @@ def spans_for(source: Source, at_least: float) -> tuple[SpanByWidth, float]:
 
 def _finite(halo: float) -> float:
     return halo if np.isfinite(halo) else 0.0
-
-
-def lattice_of(source: Source) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-    """Scale and offset of a source; None for real coordinates."""
-    return None if source.scale is None or source.offset is None else (source.scale, source.offset)
 
 
 def _told_of_damage(core: Thinning, source: Source) -> Iterator[ThinnedSpan]:

@@ -74,4 +74,8 @@ class ProgressBars:
     def _show(self, what: str, points: int, note: str = "") -> None:
         if what not in self._tasks:
             self._tasks[what] = self._progress.add_task(what, total=self._total, note=note)
-        self._progress.update(self._tasks[what], completed=points, note=note)
+        task = self._tasks[what]
+        if points < self._progress.tasks[task].completed:
+            # A cloud may be read more than once; each time takes its own.
+            self._progress.reset(task)
+        self._progress.update(task, completed=points, note=note)

@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from ._core import (
-    Pipeline,
-    Plan,
-    Recipe,
-    SlabCounts,
-    SpanByCount,
-    SpanByScanLine,
-    SpanByTime,
-    SpanByWidth,
-    Window,
-    default_spans,
-)
-from .errors import InvalidParameter, InvalidType, warn
-from .finalization import slabs_for
-from .history import HistoryWriter
-from .plan import MaxMemory, Stages, planned, recipe_for
+from ._core import Pipeline, Recipe, SpanByCount, Window
+from .cutting import Asked, Cut, Spans, cut
+from .errors import InvalidParameter, warn
+from .history import HistoryWriter, check_free
+from .plan import MaxMemory, Stages, recipe_for
 from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
 from .stream import RESULTS, Ids, Progress, Result, Stream
-
-SpanBy = SpanByWidth | SpanByCount | SpanByTime | SpanByScanLine
-Spans = SpanBy | Plan | Literal["auto"]
-
-# More threads than this are a slip.
-_MOST_THREADS = 1024
+from .threads import checked_threads
 
 # What every segmentor may say of the segments that final results keep.
 SIZE_OPTIONS = ("min_segment_size", "max_segment_size", "sort")
@@ -130,50 +113,32 @@ def stream(
     ...     print([span.segment_ids.tolist() for span in spans][:3])
     [[1], [1], [1]]
     """
-    if result not in RESULTS:
-        raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
-    is_planned = _is_planned(spans, window, max_memory)
-    opened = laid_out(open_source(source, attributes), spans, read_twice=revisit or is_planned)
+    asked = Asked(spans, window, max_memory, revisit)
+    asked.check()
+    threads = checked_threads(threads)
+    _check_result(result, segmentor)
+    if history is not None:
+        check_free(Path(history), overwrite)
+    opened = laid_out(open_source(source, attributes), spans, read_twice=asked.reads_first)
     recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
-    if is_planned:
-        spans = planned(opened, recipe, max_memory, drop_invalid=drop_invalid, with_history=history is not None)
-    elif spans is None and opened.stored and not opened.can_be_stored:
-        spans = default_spans(recipe, opened.point_count, opened.extent_x)
-    if isinstance(spans, Plan):
-        window, threads = spans.window, min(threads or cores(), spans.at_a_time)
-        if spans.warning:
-            warn(spans.warning)
-    slabs, counts = spans, None
-    waits = revisit and opened.stored and not recipe.is_monotone and not isinstance(spans, (SpanByWidth, Plan))
-    if waits:
-        slabs, counts = slabs_for(opened, recipe, drop_invalid=drop_invalid, on_progress=_named(on_progress))
-    core = _pipeline(
+    chosen = cut(
         opened,
-        segmentor,
         recipe,
-        slabs if counts is None else spans,
-        Window() if window is None else window,
-        threads,
-        drop_invalid,
-        on_progress,
-        revisit=revisit and not waits,
-        counts=counts,
+        asked,
+        threads=threads,
+        drop_invalid=drop_invalid,
+        with_history=history is not None,
+        on_progress=_named(on_progress),
     )
-    if core.sort != "native" and result != "final":
-        raise InvalidParameter(
-            f"sort is {core.sort!r} with result={result!r}, allowed: with result='final', "
-            "because sizes are known only at the end"
-        )
+    core = _pipeline(opened, segmentor, recipe, chosen, drop_invalid, on_progress)
     if core.warning:
         warn(core.warning)
     writer = None
     if history is not None:
         parameters = {
             "segmentor": repr(segmentor),
-            "spans": repr(spans),
-            "window": repr(window or Window()),
+            **_told(chosen, asked),
             **({"preprocess": repr(preprocess)} if preprocess else {}),
-            **({"revisit": True, "slabs": repr(slabs)} if waits else {"revisit": True} if revisit else {}),
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
@@ -182,18 +147,26 @@ def stream(
     return Stream(opened, core, result, writer, with_points)
 
 
-def _is_planned(spans: Any, window: Window | None, max_memory: MaxMemory | None) -> bool:
-    """Whether spans and windows are to be chosen."""
-    if isinstance(spans, str) and spans != "auto":
+def _check_result(result: Any, segmentor: Any) -> None:
+    """Refuse kinds of ids that there are not, or that cannot be sorted."""
+    if result not in RESULTS:
+        raise InvalidParameter(f"result is {result!r}, allowed: {', '.join(map(repr, RESULTS))}")
+    sort = getattr(segmentor, "sort", "native")
+    if result != "final" and sort in ("ascending", "descending"):
         raise InvalidParameter(
-            f"spans is {spans!r}, allowed: 'auto', SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine or a Plan"
+            f"sort is {sort!r} with result={result!r}, allowed: with result='final', "
+            "because sizes are known only at the end"
         )
-    is_auto = isinstance(spans, str) or (spans is None and max_memory is not None)
-    if max_memory is not None and not is_auto:
-        raise InvalidParameter(f"max_memory is {max_memory!r} with {spans!r}, allowed: with spans='auto' or no spans")
-    if window is not None and (is_auto or isinstance(spans, Plan)):
-        raise InvalidParameter(f"window is {window!r} with a plan, allowed: none; the plan says how large windows are")
-    return is_auto
+
+
+def _told(chosen: Cut, asked: Asked) -> dict[str, Any]:
+    """Tell, for the history, how the cloud was cut."""
+    told: dict[str, Any] = {"spans": repr(chosen.spans), "window": repr(chosen.window)}
+    if asked.revisit:
+        told["revisit"] = True
+    if chosen.slabs is not None:
+        told["slabs"] = repr(chosen.slabs.spans)
+    return told
 
 
 def _named(on_progress: Callable[[Progress], None] | None) -> Callable[[tuple[Any, ...]], None] | None:
@@ -205,47 +178,24 @@ def _pipeline(
     source: Source,
     segmentor: Any,
     recipe: Recipe,
-    spans: Spans | None,
-    window: Window,
-    threads: int | None,
+    chosen: Cut,
     drop_invalid: bool,
-    on_progress: Callable[[Progress], None] | None,
-    revisit: bool = False,
-    counts: SlabCounts | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
 ) -> Pipeline:
-    if threads is None:
-        threads = cores() if source.stored else 1
-    elif not isinstance(threads, (int, np.integer)) or isinstance(threads, bool):
-        raise InvalidType(f"threads is {threads!r}, allowed: a whole number of at least 1")
-    elif not 1 <= threads <= _MOST_THREADS:
-        given = threads if abs(threads) < 2**63 else "too large"
-        raise InvalidParameter(
-            f"threads is {given}, allowed: a whole number of at least 1, and at most {_MOST_THREADS}"
-        )
-    if not isinstance(window, Window):
-        raise InvalidType(f"window is {window!r}, allowed: a Window, such as Window(3, 1)")
     return Pipeline(
-        source.chunks((*needed_by(spans), *recipe.reads)),
+        source.chunks((*needed_by(chosen.spans), *recipe.reads)),
         recipe,
-        spans,
-        window,
+        chosen.spans,
+        chosen.window,
         stored=source.stored,
-        scale=source.scale,
-        offset=source.offset,
-        threads=threads,
+        lattice=source.lattice,
+        threads=chosen.threads,
         drop_invalid=drop_invalid,
         on_progress=_named(on_progress),
-        revisit=revisit,
-        counts=counts,
+        counts=chosen.slabs,
+        brings_back=chosen.brings_back,
         **{option: getattr(segmentor, option) for option in SIZE_OPTIONS if hasattr(segmentor, option)},
     )
-
-
-def cores() -> int:
-    """How many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def segment(
@@ -322,10 +272,10 @@ def segment_static(
     >>> ss.segment_static(np.array([[0.0, 0, 0], [1, 0, 0], [9, 0, 0]]), ss.Proximity(2.0)).tolist()
     [1, 1, 2]
     """
-    whole = SpanByCount(np.iinfo(np.int64).max)
+    whole = Cut(SpanByCount(np.iinfo(np.int64).max), Window(1, 0), threads=1, slabs=None, brings_back=False)
     opened = open_source(source, attributes)
     recipe = recipe_for(segmentor, preprocess, opened, drop_invalid)
-    core = _pipeline(opened, segmentor, recipe, whole, Window(1, 0), 1, drop_invalid, None)
+    core = _pipeline(opened, segmentor, recipe, whole, drop_invalid)
     return in_input_order(Stream(opened, core, "final", None, with_points=False))
 
 

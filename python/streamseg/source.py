@@ -53,6 +53,11 @@ class Source(NamedTuple):
     extent_x: float | None = None
     can_be_stored: bool = False
 
+    @property
+    def lattice(self) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+        """Scale and offset; None for real coordinates."""
+        return None if self.scale is None or self.offset is None else (self.scale, self.offset)
+
 
 def open_source(source: Any, attributes: Attributes | None = None) -> Source:
     """Make a `Source` of a path, several paths, a cloud, an array, or an iterable of arrays."""

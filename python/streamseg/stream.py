@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._core import Pipeline, Settlement
+from .certificate import Certificate
 from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
 from .source import Source
@@ -45,65 +46,6 @@ class Progress(NamedTuple):
     """Segments there are, as far as is known: raw ids less joins. With final ids: those that are kept."""
     weaving: float
     """Seconds that the weaver has taken."""
-
-
-class Certificate(NamedTuple):
-    """What a run could prove. If nothing is undecided or early, the streamed partition is sure to be the static one."""
-
-    decided_edges: int
-    """Pairs of points decided; a pair counts in each window that decides it."""
-    undecided_edges: int
-    """Pairs of points that could not be decided: all that they depend on never came together."""
-    decided_points: int
-    """Points decided, by their features or neighbors; a point counts in each window that decides it."""
-    undecided_points: int
-    """Points that went out of scope before any window could decide them."""
-    returned_points: int
-    """Points of earlier windows brought back to be looked at again; a point counts each time."""
-    waited_points: int
-    """Points kept until their surroundings had come, beyond the span in which they came."""
-    early_decisions: int
-    """Points decided though more of the cloud could still come to where they are."""
-    most_waiting: int
-    """Points that waited at the same time, at the most."""
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether nothing was left undecided, and nothing decided too early."""
-        return not (self.undecided_edges or self.undecided_points or self.early_decisions)
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What stands between the run and proof, a sentence each, and what to do; none if it is complete."""
-        kinds = (
-            (
-                self.undecided_edges,
-                "edges could not be decided: no empty circle through their ends was ever loaded whole",
-            ),
-            (
-                self.undecided_points,
-                "points went out of scope before any window held all that decides about them; "
-                "use wider spans, or limit how far away neighbors can be",
-            ),
-            (
-                self.early_decisions,
-                "points were decided though more of the cloud could still come to where they are; "
-                "use spans by width, or revisit=True with a file or an array",
-            ),
-        )
-        return tuple(f"{count:,} {sentence}" for count, sentence in kinds if count)
-
-    def __str__(self) -> str:
-        edges = self.decided_edges + self.undecided_edges
-        points = self.decided_points + self.undecided_points
-        counts = (
-            (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
-            (points, f"{self.undecided_points:,} of {points:,} points undecided"),
-            (self.returned_points, f"{self.returned_points:,} points returned"),
-            (self.waited_points, f"{self.waited_points:,} points waited, {self.most_waiting:,} at a time"),
-            (self.early_decisions, f"{self.early_decisions:,} early decisions"),
-        )
-        return ", ".join(told for count, told in counts if count) or "nothing to count"
 
 
 class LeftOut(NamedTuple):
@@ -151,6 +93,8 @@ class Stream:
         The class of the run: "A" (exact by locality), "B" (exact with a halo) or "C" (measured).
     is_identical : bool
         Whether streamed and static are sure to be the same partition.
+    is_in_stream_order : bool
+        Whether spans are cut in the order of the stream, so that none holds all points of its part of the map.
     promise : str
         One sentence on how the result relates to the static one.
     warning : str or None
@@ -175,13 +119,14 @@ class Stream:
         self._told_damage = False
         self._settlement: Settlement | None = None
         if result == "final":
-            self._settlement = Settlement(scale=source.scale, offset=source.offset, with_points=with_points)
+            self._settlement = Settlement(lattice=source.lattice, with_points=with_points)
         # Segments kept, segments left out and their points, once it is known.
         self._selected: tuple[int, int, int] | None = None
         self._kept = -1
         self._failure: Exception | None = None
         self.exactness = core.exactness
         self.is_identical = core.is_identical
+        self.is_in_stream_order = core.is_in_stream_order
         self.promise = core.promise
         self.warning = core.warning
 
@@ -339,7 +284,8 @@ class Stream:
                 raise
             self._history = None
         ended_before, self._ended = self._ended, True
-        if self.exactness == "B" and not ended_before and (undecided := self.certificate.undecided_points):
+        is_whole = not self._stopped and not ended_before
+        if self.exactness == "B" and is_whole and (undecided := self.certificate.undecided_points):
             warn(
                 f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result "
                 "may differ from the static one there; give a search_radius, or the cloud as a file or an array"

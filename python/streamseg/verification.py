@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._core import SpanByCount, SpanByScanLine, SpanByTime, Window
+from ._core import Window
+from .certificate import Certificate
 from .comparison import Difference, Ids, compare
+from .cutting import Spans
 from .errors import InvalidInput, StreamsegWarning, warn
 from .plan import MaxMemory, Stages
-from .run import Spans, in_input_order, segment_static, stream
+from .preprocessing import Stage, listed
+from .run import in_input_order, segment_static, stream
 from .source import Attributes, Source, open_source
-from .stream import Certificate, Progress, Stream
+from .stream import Progress, Stream
 
 # What a whole cloud takes in memory, about: the triangulation of its map is the largest part of it.
 _BYTES_PER_POINT = 300
-
-_IN_STREAM_ORDER = (SpanByCount, SpanByTime, SpanByScanLine)
 
 _PAIRS_APART = (
     "the spans are in stream order, so points in reach of each other need not share a window; "
@@ -144,7 +145,7 @@ def verify(
             f"source is {type(source).__name__}, which can be read only once, and verify reads it several times; "
             "give a path, an array, or a list of arrays"
         )
-    opened = open_source(source, attributes)
+    opened, stages = open_source(source, attributes), listed(preprocess)
     _warn_of_size(opened.point_count)
     run = stream(
         opened,
@@ -155,7 +156,7 @@ def verify(
         result="final",
         threads=threads,
         drop_invalid=drop_invalid,
-        preprocess=preprocess,
+        preprocess=stages,
         on_progress=on_progress,
         with_points=False,
         revisit=revisit,
@@ -165,12 +166,10 @@ def verify(
     with warnings.catch_warnings():
         # They have been given.
         warnings.simplefilter("ignore", StreamsegWarning)
-        static = segment_static(opened, segmentor, drop_invalid=drop_invalid, preprocess=preprocess)
+        static = segment_static(opened, segmentor, drop_invalid=drop_invalid, preprocess=stages)
     if len(static) != len(streamed):
         raise InvalidInput(f"source has {len(streamed):,} points when read once and {len(static):,} when read again")
-    as_given = spans is None and max_memory is None and not opened.stored
-    in_stream_order = isinstance(spans, _IN_STREAM_ORDER) or as_given
-    reasons = _reasons(run, preprocess, is_in_stream_order=in_stream_order and not revisit)
+    reasons = _reasons(run, stages, is_in_stream_order=run.is_in_stream_order and not revisit)
     return _judge(opened, run, static, streamed, reasons)
 
 
@@ -195,7 +194,7 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
     )
 
 
-def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[str]:
+def _reasons(run: Stream, stages: list[Stage], *, is_in_stream_order: bool) -> list[str]:
     """Tell why the two differ, from what is known of the run; the likeliest first."""
     reasons = [run.warning] if run.warning else []
     if is_in_stream_order and not run.is_identical:
@@ -205,7 +204,7 @@ def _reasons(run: Stream, stages: Stages, *, is_in_stream_order: bool) -> list[s
         return reasons or [_DEFECT]
     reasons += [
         f"{stage!r} judges a point by those that came before it, so it depends on the spans"
-        for stage in (stages if isinstance(stages, Sequence) else [stages])
+        for stage in stages
         if getattr(stage, "statistics", None) == "running"
     ]
     if run.exactness == "C" and not (is_in_stream_order or run.certificate.early_decisions):

@@ -8,9 +8,27 @@ use pyo3::intern;
 use pyo3::prelude::*;
 
 use super::errors::InvalidInput;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::lattice::Lattice;
-use crate::span::Chunk;
+use crate::span::{Chunk, Invalid, checked};
+
+/// Scale and offset of a lattice as Python gives them; none for real coordinates.
+pub(super) type LatticeOf = Option<([f64; 3], [f64; 3])>;
+
+pub(super) fn lattice_of(lattice: LatticeOf) -> Result<Lattice> {
+    lattice.map_or(Ok(Lattice::REAL), |(scale, offset)| Lattice::new(scale, offset))
+}
+
+/// The chunks that a Python iterable yields, with the attributes `names`; points that are not valid are refused, or else
+/// dropped.
+pub(super) fn chunks_of(
+    chunks: &Bound<'_, PyAny>,
+    names: Vec<String>,
+    drop_invalid: bool,
+) -> PyResult<impl Iterator<Item = Result<Chunk>> + Send + use<>> {
+    let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
+    Ok(checked(PyChunks::new(chunks, names)?, invalid))
+}
 
 /// Positions from anything NumPy can make an (n, 3) float64 array of.
 pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
@@ -79,7 +97,7 @@ impl PyChunks {
 }
 
 impl Iterator for PyChunks {
-    type Item = Result<Chunk, Error>;
+    type Item = Result<Chunk>;
 
     fn next(&mut self) -> Option<Self::Item> {
         Python::attach(|py| {

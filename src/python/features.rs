@@ -3,17 +3,15 @@
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 
-use super::arrays::PyChunks;
+use super::arrays::{LatticeOf, chunks_of, lattice_of};
 use super::errors::{InvalidParameter, guarded};
 use super::numbers::Whole;
 use super::searches::search;
 use crate::features::{Feature, Fit, compute};
-use crate::lattice::Lattice;
-use crate::span::{Invalid, checked};
 
 /// Computes the named features of all points of `chunks`, whose items are `(points, ())`: one (n,) float64 array per name.
 #[pyfunction]
-#[pyo3(signature = (chunks, names, *, k, search_radius, search_mode, normals, scale, offset))]
+#[pyo3(signature = (chunks, names, *, k, search_radius, search_mode, normals, lattice))]
 #[allow(clippy::too_many_arguments)] // one keyword each for Python
 pub(super) fn _features<'py>(
     py: Python<'py>,
@@ -23,19 +21,15 @@ pub(super) fn _features<'py>(
     search_radius: Option<&Bound<'py, PyAny>>,
     search_mode: &str,
     normals: &str,
-    scale: Option<[f64; 3]>,
-    offset: Option<[f64; 3]>,
+    lattice: LatticeOf,
 ) -> PyResult<Vec<Bound<'py, PyArray1<f64>>>> {
     let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;
     let k = k.map(|k| k.named("k")).transpose()?;
     let search = search(k, search_radius, search_mode)?;
     let fit: Fit = normals.parse()?;
-    let lattice = match (scale, offset) {
-        (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
-        _ => Lattice::REAL,
-    };
+    let lattice = lattice_of(lattice)?;
     let mut points = Vec::new();
-    for chunk in checked(PyChunks::new(chunks, Vec::new())?, Invalid::Reject) {
+    for chunk in chunks_of(chunks, vec![], false)? {
         points.extend(chunk?.points);
     }
     let features = guarded(py, || {

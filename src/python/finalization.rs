@@ -2,13 +2,12 @@
 
 use pyo3::prelude::*;
 
-use super::arrays::PyChunks;
+use super::arrays::{LatticeOf, chunks_of, lattice_of};
 use super::errors::guarded;
 use super::spans::PySpanByWidth;
 use super::stream::look_up;
-use crate::lattice::Lattice;
 use crate::pipeline::Progress;
-use crate::span::{Counting, Invalid, SlabCounts, checked};
+use crate::span::{Counting, SlabCounts};
 
 /// How many points each slab of a cloud has, along the direction in which the fewest wait.
 #[pyclass(frozen, name = "SlabCounts", module = "streamseg._core")]
@@ -18,22 +17,17 @@ pub struct PySlabCounts(pub(super) SlabCounts);
 impl PySlabCounts {
     /// Reads all `chunks`, whose items are `(points, ())`; `on_progress` is called at least once a chunk.
     #[new]
-    #[pyo3(signature = (chunks, width, *, scale, offset, drop_invalid, on_progress))]
+    #[pyo3(signature = (chunks, width, *, lattice, drop_invalid, on_progress))]
     fn new(
         py: Python<'_>,
         chunks: &Bound<'_, PyAny>,
         width: f64,
-        scale: Option<[f64; 3]>,
-        offset: Option<[f64; 3]>,
+        lattice: LatticeOf,
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let lattice = match (scale, offset) {
-            (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
-            _ => Lattice::REAL,
-        };
-        let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
-        let chunks = checked(PyChunks::new(chunks, vec![])?, invalid);
+        let lattice = lattice_of(lattice)?;
+        let chunks = chunks_of(chunks, vec![], drop_invalid)?;
         let counts = guarded(py, || {
             let mut counting = Counting::new(width, &lattice)?;
             for chunk in chunks {

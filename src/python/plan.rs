@@ -1,14 +1,14 @@
 //! Plans as Python objects: what a cloud's census and a budget of memory lead to.
 
 use pyo3::prelude::*;
+use pyo3::types::PyBool;
 
-use super::arrays::PyChunks;
+use super::arrays::{LatticeOf, chunks_of, lattice_of};
 use super::errors::{InvalidParameter, guarded};
+use super::numbers::Whole;
 use super::segmentors::PyRecipe;
 use super::spans::{PyWindowSize, direction_of};
-use crate::lattice::Lattice;
 use crate::plan::{Budget, Census, Plan};
-use crate::span::{Invalid, checked};
 
 /// Spans and windows that keep to a budget of memory. Made by `plan`; can be given as `spans`.
 #[pyclass(frozen, name = "Plan", module = "streamseg")]
@@ -73,13 +73,13 @@ impl PyPlan {
     }
 
     /// The bytes that a run is expected to take at most on so many threads.
-    fn peak(&self, threads: usize) -> u64 {
-        self.plan.peak(threads)
+    fn peak(&self, threads: Whole) -> PyResult<u64> {
+        Ok(self.plan.peak(threads.count("threads")?))
     }
 
     /// What was chosen and why, line by line: a label and what there is to say.
-    fn explain(&self, threads: usize) -> Vec<(&'static str, String)> {
-        self.plan.explain(threads)
+    fn explain(&self, threads: Whole) -> PyResult<Vec<(&'static str, String)>> {
+        Ok(self.plan.explain(threads.count("threads")?))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -97,25 +97,20 @@ impl PyPlan {
 
 /// Reads a stored cloud once and makes a plan for segmenting it by a recipe; without a budget for the usual one.
 #[pyfunction]
-#[pyo3(signature = (chunks, recipe, max_memory, *, scale, offset, with_history, drop_invalid))]
+#[pyo3(signature = (chunks, recipe, max_memory, *, lattice, with_history, drop_invalid))]
 #[allow(clippy::too_many_arguments)] // one keyword each for Python
 pub(super) fn _plan(
     py: Python<'_>,
     chunks: &Bound<'_, PyAny>,
     recipe: &PyRecipe,
     max_memory: Option<&Bound<'_, PyAny>>,
-    scale: Option<[f64; 3]>,
-    offset: Option<[f64; 3]>,
+    lattice: LatticeOf,
     with_history: bool,
     drop_invalid: bool,
 ) -> PyResult<PyPlan> {
     let budget = max_memory.map_or_else(|| Ok(Budget::default()), budget)?;
-    let lattice = match (scale, offset) {
-        (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
-        _ => Lattice::REAL,
-    };
-    let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
-    let chunks = checked(PyChunks::new(chunks, vec![])?, invalid);
+    let lattice = lattice_of(lattice)?;
+    let chunks = chunks_of(chunks, vec![], drop_invalid)?;
     let segmentor = &*recipe.segmentor;
     let plan = guarded(py, || {
         let mut census = Census::new(segmentor.exactness().reach(), &lattice);
@@ -129,8 +124,13 @@ pub(super) fn _plan(
 
 /// A budget as people write it: a number of bytes, or a text with a unit.
 fn budget(given: &Bound<'_, PyAny>) -> PyResult<Budget> {
-    if let Ok(bytes) = given.extract::<u64>() {
-        return Ok(Budget::new(bytes)?);
+    if !given.is_instance_of::<PyBool>()
+        && let Ok(bytes) = given.extract::<f64>()
+        && bytes.fract() == 0.0
+        && bytes >= 0.0
+    {
+        // 512e6 is a number of bytes too; too many for any machine are no limit.
+        return Ok(Budget::new(bytes as u64)?);
     }
     match given.extract::<String>() {
         Ok(text) => Ok(text.parse()?),

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 
+use super::arrays::{LatticeOf, lattice_of};
 use super::errors::{InvalidParameter, guarded};
 use super::numbers::{Real, Whole};
 use super::survey::{Cloud, signals};
 use crate::error::Error;
-use crate::lattice::Lattice;
 use crate::preprocessing::{
     RadiusOutlierRemoval, Reach, Stage, StatisticalOutlierRemoval, Statistics, VoxelGrid, measure, total_halo,
 };
@@ -316,13 +316,13 @@ pub(super) fn _measure(
     earlier: &Bound<'_, PyAny>,
     spans: Py<PyAny>,
     width: f64,
-    lattice: Option<([f64; 3], [f64; 3])>,
+    lattice: LatticeOf,
     threads: usize,
     drop_invalid: bool,
 ) -> PyResult<Py<PyAny>> {
     let earlier = stages(earlier)?;
     let removal = removal.removal;
-    let grid = lattice.map_or(Ok(Lattice::REAL), |(scale, offset)| Lattice::new(scale, offset))?;
+    let grid = lattice_of(lattice)?;
     let statistics = guarded(py, || {
         let mut open = || {
             Python::attach(|py| {

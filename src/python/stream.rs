@@ -6,7 +6,7 @@ use std::time::Duration;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use super::arrays::{PyChunks, read_only, real_positions, rows};
+use super::arrays::{LatticeOf, chunks_of, lattice_of, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::finalization::PySlabCounts;
 use super::numbers::Whole;
@@ -20,7 +20,7 @@ use crate::lattice::Lattice;
 use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
 use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
-use crate::span::{Invalid, Source, Span, checked, finalized_spans_of, spans_of};
+use crate::span::{Source, Span, finalized_spans_of, spans_of};
 use crate::weaver::Selection;
 
 /// Streams chunks through spans, windows, segmentor and weaver.
@@ -37,6 +37,9 @@ pub struct PyPipeline {
     /// Whether streamed and static are sure to be the same partition.
     #[pyo3(get)]
     is_identical: bool,
+    /// Whether spans are cut in the order of the stream, so that none holds all points of its part of the map.
+    #[pyo3(get)]
+    is_in_stream_order: bool,
     /// One sentence on how the result relates to the static one.
     #[pyo3(get)]
     promise: String,
@@ -52,8 +55,8 @@ pub struct PyPipeline {
 impl PyPipeline {
     #[new]
     #[pyo3(signature = (
-        chunks, recipe, spans, window, *, stored, scale, offset, threads, drop_invalid, on_progress,
-        counts = None, revisit = false, min_segment_size = Whole::of(1), max_segment_size = None, sort = "native",
+        chunks, recipe, spans, window, *, stored, lattice, threads, drop_invalid, on_progress,
+        counts = None, brings_back = false, min_segment_size = Whole::of(1), max_segment_size = None, sort = "native",
     ))]
     #[allow(clippy::too_many_arguments)] // one keyword each for Python
     fn new(
@@ -62,13 +65,12 @@ impl PyPipeline {
         spans: Option<&Bound<'_, PyAny>>,
         window: &PyWindowSize,
         stored: bool,
-        scale: Option<[f64; 3]>,
-        offset: Option<[f64; 3]>,
+        lattice: LatticeOf,
         threads: usize,
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
         counts: Option<&PySlabCounts>,
-        revisit: bool,
+        brings_back: bool,
         min_segment_size: Whole,
         max_segment_size: Option<Whole>,
         sort: &str,
@@ -77,24 +79,18 @@ impl PyPipeline {
         let sizes = SizeOptions::new(min_segment_size.named("min_segment_size")?, max, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
         let by = span_by(spans)?;
-        let lattice = match (scale, offset) {
-            (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
-            _ => Lattice::REAL,
-        };
-        let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
+        let lattice = lattice_of(lattice)?;
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
-        let chunks = checked(PyChunks::new(chunks, names.clone())?, invalid);
+        let chunks = chunks_of(chunks, names.clone(), drop_invalid)?;
         let exactness = segmentor.exactness();
-        let brings_back = revisit && counts.is_none() && exactness.gains_from_revisit(by, window.0, &lattice);
+        let is_in_stream_order = counts.is_none() && !by.is_in_space();
         let (spans, mut assessment) = match counts {
             Some(PySlabCounts(counts)) => (
                 finalized_spans_of(chunks, by, &lattice, counts)?,
                 exactness.assess(counts.by(), window.0, &lattice).finalized(),
             ),
-            None if brings_back => {
-                (spans_of(chunks, by, &lattice, source)?, exactness.assess_with_revisit(by, window.0, &lattice))
-            }
+            None if brings_back => (spans_of(chunks, by, &lattice, source)?, exactness.assess_bringing_back()),
             None => (spans_of(chunks, by, &lattice, source)?, exactness.assess(by, window.0, &lattice)),
         };
         let crew = Crew::new(threads)?;
@@ -115,6 +111,7 @@ impl PyPipeline {
             sizes,
             exactness: assessment.class,
             is_identical: assessment.is_identical,
+            is_in_stream_order,
             promise: assessment.sentence,
             warning: assessment.warning,
             segmentor: name,
@@ -401,12 +398,9 @@ pub struct PySettlement {
 #[pymethods]
 impl PySettlement {
     #[new]
-    #[pyo3(signature = (*, scale = None, offset = None, with_points = true))]
-    fn new(scale: Option<[f64; 3]>, offset: Option<[f64; 3]>, with_points: bool) -> PyResult<Self> {
-        let lattice = match (scale, offset) {
-            (Some(scale), Some(offset)) => Lattice::new(scale, offset)?,
-            _ => Lattice::REAL,
-        };
+    #[pyo3(signature = (*, lattice = None, with_points = true))]
+    fn new(lattice: LatticeOf, with_points: bool) -> PyResult<Self> {
+        let lattice = lattice_of(lattice)?;
         Ok(Self { settlement: Mutex::new(Settlement::new()?), with_points, lattice })
     }
 

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, TryLockError};
 use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 
-use super::arrays::{PyChunks, real_positions};
+use super::arrays::{LatticeOf, chunks_of, lattice_of, real_positions};
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::features::feature;
 use super::numbers::Whole;
@@ -18,7 +18,7 @@ use crate::features::{Feature, Fit, compute};
 use crate::lattice::Lattice;
 use crate::neighborhood::Search;
 use crate::preprocessing::{apply_all, total_halo};
-use crate::span::{Invalid, Source, Spans, checked, spans_of};
+use crate::span::{Source, Spans, spans_of};
 use crate::survey::{OwnIds, Survey};
 use crate::window::{Halo, Window};
 
@@ -34,15 +34,14 @@ impl Cloud {
         chunks: &Bound<'_, PyAny>,
         spans: Option<&Bound<'_, PyAny>>,
         stored: bool,
-        lattice: Option<([f64; 3], [f64; 3])>,
+        lattice: LatticeOf,
         drop_invalid: bool,
     ) -> PyResult<Self> {
         let by = span_by(spans)?;
-        let lattice = lattice.map_or(Ok(Lattice::REAL), |(scale, offset)| Lattice::new(scale, offset))?;
-        let invalid = if drop_invalid { Invalid::Drop } else { Invalid::Reject };
+        let lattice = lattice_of(lattice)?;
         let source = if stored { Source::Stored } else { Source::Live };
-        let chunks =
-            checked(PyChunks::new(chunks, by.attributes().iter().map(ToString::to_string).collect())?, invalid);
+        let names = by.attributes().iter().map(ToString::to_string).collect();
+        let chunks = chunks_of(chunks, names, drop_invalid)?;
         Ok(Self { spans: spans_of(chunks, by, &lattice, source)?, lattice })
     }
 }
@@ -83,7 +82,7 @@ impl PyThinning {
         stages: &Bound<'_, PyAny>,
         spans: Option<&Bound<'_, PyAny>>,
         stored: bool,
-        lattice: Option<([f64; 3], [f64; 3])>,
+        lattice: LatticeOf,
         threads: usize,
         drop_invalid: bool,
     ) -> PyResult<Self> {
@@ -190,7 +189,7 @@ impl PyFeatureSurvey {
         search_mode: &str,
         normals: &str,
         stored: bool,
-        lattice: Option<([f64; 3], [f64; 3])>,
+        lattice: LatticeOf,
         threads: usize,
     ) -> PyResult<Self> {
         let wanted = names.iter().map(|name| feature(name)).collect::<PyResult<Vec<Feature>>>()?;

@@ -24,7 +24,7 @@ use std::sync::{Arc, OnceLock};
 
 pub use context::Context;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::label::SegmentId;
 use crate::lattice::Lattice;
 use crate::segmentor::{Exactness, Plane, Segmentor};
@@ -64,13 +64,7 @@ impl Revisit {
     /// # Errors
     /// If the segmentor does not say how far it looks, or there can be no store.
     pub fn new(exactness: Exactness, lattice: Lattice) -> Result<Self> {
-        let Some(reach) = exactness.revisit_reach() else {
-            return Err(Error::parameter(
-                "revisit",
-                "true with a segmentor whose reach is not known",
-                "with a distance or search_radius, which says how far around a window earlier points have to be brought back",
-            ));
-        };
+        let reach = exactness.revisit_reach()?;
         Ok(Self {
             raster: Raster::new(reach, lattice),
             blocks: None,

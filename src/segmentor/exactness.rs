@@ -98,16 +98,6 @@ impl Exactness {
         matches!(self, Exactness::ByLocality { .. })
     }
 
-    /// How far around a window earlier points have to be brought back where a stream may come back to any place; none if
-    /// that cannot be told.
-    pub fn revisit_reach(self) -> Option<f64> {
-        let reach = match self {
-            Exactness::ByLocality { reach } | Exactness::Proven { reach } => reach,
-            Exactness::WithHalo { reach, halo } | Exactness::Measured { reach, halo } => reach + halo,
-        };
-        Some(reach).filter(|reach| *reach > 0.0 && reach.is_finite())
-    }
-
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
@@ -149,42 +139,13 @@ impl Exactness {
         }
     }
 
-    /// Whether points that have gone out of scope can matter, so that it is worth bringing them back: not where spans of
-    /// space hold all that ever comes to their place, and share what they have to.
-    pub fn gains_from_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> bool {
-        let in_space = matches!(by, SpanBy::Width { .. });
-        !in_space || (self.is_monotone() && !self.assess(by, size, lattice).is_identical)
-    }
-
-    /// Assesses a run in which earlier points are brought back to whatever window comes near them.
-    pub fn assess_with_revisit(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
-        if !self.gains_from_revisit(by, size, lattice) {
-            return self.assess(by, size, lattice);
-        }
-        let (class, is_identical, sentence) = if self.is_monotone() {
-            (
-                'A',
-                true,
-                "equal to the static result in any order: every pair in reach shares a window, if need be with points brought back",
-            )
-        } else {
-            (
-                'C',
-                false,
-                "near to the static result: more may still come to any place of such a stream, so every decision is an early one",
-            )
-        };
-        Assessment { class, is_identical, sentence: sentence.into(), warning: None }
-    }
-
     /// Assesses a run with these spans and windows.
     pub fn assess(self, by: SpanBy, size: WindowSize, lattice: &Lattice) -> Assessment {
         let shares = shares(self.reach(), by, size, lattice);
-        let in_space = matches!(by, SpanBy::Width { .. } | SpanBy::Slabs { .. });
         let class = match self {
             Exactness::ByLocality { .. } => 'A',
             // Spans cut in stream order do not say which part of the map they hold, so nothing can be known to be final.
-            Exactness::WithHalo { .. } | Exactness::Proven { .. } if in_space => 'B',
+            Exactness::WithHalo { .. } | Exactness::Proven { .. } if by.is_in_space() => 'B',
             _ => 'C',
         };
         let has_limit = !matches!(self, Exactness::WithHalo { halo: f64::INFINITY, .. });
@@ -298,27 +259,6 @@ mod tests {
         let equal = near.assess(real, WindowSize::default(), &Lattice::REAL);
         assert!(!equal.is_identical && equal.warning.unwrap().contains("slightly wider spans"));
         assert!(assess(near, 9.0, 0).warning.unwrap().contains("share no span"));
-    }
-
-    #[test]
-    fn in_any_order_with_revisit_only_where_nothing_is_undone() {
-        let (by, lattice) = (SpanBy::Count { points: 9 }, Lattice::REAL);
-        let size = WindowSize::new(1, 0).unwrap();
-        let near = Exactness::ByLocality { reach: 0.3 };
-        assert!(
-            near.assess_with_revisit(by, size, &lattice).is_identical && near.gains_from_revisit(by, size, &lattice)
-        );
-        let halo = Exactness::WithHalo { reach: 0.3, halo: 0.6 };
-        let early = halo.assess_with_revisit(by, size, &lattice);
-        assert_eq!((early.class, early.is_identical), ('C', false));
-        assert!(early.sentence.contains("early"));
-        // Narrow spans of space too; wide ones hold all there is.
-        let width = |width| SpanBy::Width { width, direction: Direction::X };
-        assert!(near.assess_with_revisit(width(0.1), size, &lattice).is_identical);
-        assert!(!near.gains_from_revisit(width(9.0), WindowSize::default(), &lattice));
-        assert!(!halo.gains_from_revisit(width(0.1), size, &lattice));
-        assert_eq!(halo.revisit_reach().map(|reach| (reach * 10.0).round()), Some(9.0));
-        assert_eq!(Exactness::Measured { reach: 0.0, halo: 0.0 }.revisit_reach(), None);
     }
 
     #[test]

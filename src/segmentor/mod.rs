@@ -3,6 +3,7 @@
 //! A segmentor sees the points of one window and nothing else: no other window, no segment ids, no other segmentor.
 //! Adding one is one file here and one line in this list.
 
+mod coming_back;
 mod conditional_clustering;
 mod dbscan;
 mod exactness;
@@ -10,6 +11,7 @@ mod plane_extraction;
 mod proximity;
 mod region_growing;
 
+pub use coming_back::ComingBack;
 pub use conditional_clustering::ConditionalClustering;
 pub use dbscan::Dbscan;
 pub use exactness::{Assessment, Exactness, Layout};

@@ -157,6 +157,11 @@ impl SpanBy {
         }
     }
 
+    /// Whether a span holds all points of its part of the map, and not just what came in a row.
+    pub fn is_in_space(&self) -> bool {
+        matches!(self, SpanBy::Width { .. } | SpanBy::Slabs { .. })
+    }
+
     /// The attributes that a chunk has to bring along, by their LAS names.
     pub fn attributes(&self) -> &'static [&'static str] {
         match self {

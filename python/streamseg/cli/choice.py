@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from .._core import Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
+from ..cutting import Spans
 from ..errors import InvalidParameter
 from . import methods
 from .wording import called
 
 _AS_THEY_ARE = ("max_memory", "threads", "drop_invalid", "revisit")
-_CUTS = {
+_CUTS: Mapping[str, Callable[[Any], Spans]] = {
     "--span-width": SpanByWidth,
     "--span-count": SpanByCount,
     "--span-time": SpanByTime,
@@ -45,7 +46,7 @@ def chosen(options: Mapping[str, Any], planner: str | None = None) -> dict[str, 
 
 
 @called(width="--span-width", points="--span-count", seconds="--span-time", lines="--span-lines")
-def _spans(segmentor: Any, given: Mapping[str, Any]) -> Any:
+def _spans(segmentor: Any, given: Mapping[str, Any]) -> Spans | None:
     cuts = [option for option in _CUTS if option in given]
     if len(cuts) > 1:
         raise InvalidParameter(f"{' and '.join(cuts)} are given, allowed: one of {', '.join(_CUTS)}")

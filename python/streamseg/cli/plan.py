@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from ..plan import plan
-from ..run import cores
+from ..threads import checked_threads, cores
 from .choice import chosen
 from .segment import segment
 
@@ -17,14 +17,14 @@ from .segment import segment
 def explained(file: Path, words: list[str]) -> Iterator[tuple[str, str]]:
     """Explain the plan for segmenting a file with these options: a label and what there is to say, line by line."""
     options = _parsed(file, words)
-    choice = chosen(options, planner="--plan")
+    choice, threads = chosen(options, planner="--plan"), checked_threads(options["threads"])
     made = plan(
         file,
         **{name: choice[name] for name in ("segmentor", "max_memory", "preprocess", "drop_invalid")},
         with_history=options["history"] is not None,
     )
     yield "segmentor", repr(choice["segmentor"])
-    yield from made.explain(options["threads"] or cores())
+    yield from made.explain(threads or cores())
 
 
 def _parsed(file: Path, words: list[str]) -> Mapping[str, Any]:

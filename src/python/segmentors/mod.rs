@@ -20,10 +20,13 @@ pub use plane_extraction::PyPlaneExtraction;
 pub use proximity::PyProximity;
 pub use region_growing::PyRegionGrowing;
 
+use super::arrays::{LatticeOf, lattice_of};
+use super::spans::{PyWindowSize, span_by};
 use crate::error::Result;
 use crate::preprocessing::Stage;
 use crate::recipe::{Ingredients, Recipe};
-use crate::segmentor::Segmentor;
+use crate::segmentor::{ComingBack, Segmentor};
+use crate::span::Source;
 use base::Options;
 
 /// A segmentor with all that is done before it, for a cloud whose attributes are known.
@@ -55,10 +58,23 @@ impl PyRecipe {
         Ok(Self { segmentor, reads })
     }
 
-    /// Whether more points can only join more, so that no decision can come too early.
-    #[getter]
-    fn is_monotone(&self) -> bool {
-        self.segmentor.exactness().is_monotone()
+    /// What is done so that a stream which comes back to where it was finds each object once: "nothing", "bring back" or
+    /// "wait".
+    #[pyo3(signature = (spans, window, *, stored, lattice))]
+    fn coming_back(
+        &self,
+        spans: Option<&Bound<'_, PyAny>>,
+        window: &PyWindowSize,
+        stored: bool,
+        lattice: LatticeOf,
+    ) -> PyResult<&'static str> {
+        let source = if stored { Source::Stored } else { Source::Live };
+        let exactness = self.segmentor.exactness();
+        Ok(match exactness.coming_back(span_by(spans)?, source, window.0, &lattice_of(lattice)?)? {
+            ComingBack::Nothing => "nothing",
+            ComingBack::BringBack => "bring back",
+            ComingBack::Wait => "wait",
+        })
     }
 
     /// Whether there is a limit to how far away what decides about a point can be.
