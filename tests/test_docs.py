@@ -109,6 +109,12 @@ def test_exactness_is_what_the_table_says() -> None:
         segmentor = eval(code, known)
         assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0))) == by_width, code
         assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByCount(50))) == in_stream_order, code
+        if code != "your_own":
+            assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByCount(50), revisit=True)) == (
+                by_width if by_width.endswith("identical") else in_stream_order
+            ), code
+        if in_stream_order == "A":
+            assert in_words(ss.stream(iter([cloud]), segmentor, revisit=True)) == "A, identical", code
     running = ss.StatisticalOutlierRemoval(statistics="running")
     for segmentor in (ss.Proximity(1.0, graph="radius"), ss.Dbscan(1.0), ss.RegionGrowing(search_radius=1.0)):
         preprocessed = in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0), preprocess=ss.VoxelGrid(1.0)))
