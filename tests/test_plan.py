@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import streamseg as ss
+from reference.consumer import ids_of
 from reference.partition import same
 
 # Some of the budgets tried are smaller than what reading takes.
@@ -64,9 +65,7 @@ def test_the_partition_does_not_depend_on_the_budget(
     cloud = CLOUD[:, [1, 0, 2]] if swapped else CLOUD
     with ss.stream(cloud, segmentor, max_memory=budget, threads=threads, result="final") as run:
         assert run.is_identical
-        labels = np.full(len(cloud), -2)
-        for span in run:
-            labels[span.point_ids] = span.segment_ids
+        labels = ids_of(run)
     assert same(labels, static[repr(segmentor)])
 
 
