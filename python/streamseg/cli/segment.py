@@ -175,7 +175,8 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         kept = _written_at(output) != before
         left = f"the points segmented before that are in {output}"
         if isinstance(failure, KeyboardInterrupt):
-            nothing = f"{output} has not been written, because no window had been segmented yet"
+            why = str(failure) or "no window had been segmented yet"
+            nothing = f"{output} has not been written, because {why}"
             raise KeyboardInterrupt(left if kept else nothing) from None
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
