@@ -169,8 +169,8 @@ def add_orders(table: Table, names: tuple[str, str], seeds: int) -> None:
     subject = Subject(*names)
     for order in orders(load(subject.cloud), seeds):
         sources = ["file", "array"]
-        # To a live source more may come at any place: only what nothing undoes is the same in any order, and k neighbors
-        # without a radius are refused.
+        # To a live source more may come at any place: only what nothing undoes is the same in any order, and k
+        # neighbors without a radius are refused.
         if names[1] in MONOTONE or (names[1] != "growing" and not order.is_random):
             sources.append("live")
         for source, revisit in [*((source, "yes") for source in sources), ("file", "no")]:
