@@ -261,7 +261,7 @@ proptest! {
             weaver.aliases().resolve(&mut ids, &selection).unwrap();
             prop_assert_eq!(&ids, &expected);
         }
-        let mut settlement = Settlement::new().unwrap();
+        let mut settlement = Settlement::default();
         for span in &evicted {
             settlement.keep(span.index, &vec![0; span.raw_ids.len()], &span.carried_ids, &[], span.settles_at).unwrap();
         }
