@@ -134,3 +134,29 @@ impl Gone {
         self.file.read_at(start, (end - start) as usize / size_of::<SegmentId>()).map(Some)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::crew::Crew;
+    use crate::label::Labels;
+    use crate::weaver::LabelledWindow;
+
+    #[test]
+    fn a_point_far_into_a_span_that_two_segments_are_seen_to_hold_makes_them_one() {
+        for far in [false, true] {
+            let mut sightings = Sightings::new(far);
+            let mut weaver = Weaver::with_late_joins(sightings.out_of_scope());
+            let labels = &Labels::from_any(&[0, 1]);
+            let window =
+                LabelledWindow { index: 0, first_span: 0, span_points: &[2], labels, seeded: None, agrees: None };
+            weaver.weave(&window, &Crew::of_one());
+            // Memory for all points before it would not be there.
+            let sight = |label| Sight { label, span: 9, position: u32::MAX };
+            sightings.join(&[sight(0)], 1, 0, &[], &mut weaver).unwrap();
+            assert_eq!(weaver.joins(), 0);
+            sightings.join(&[sight(1)], 1, 0, &[], &mut weaver).unwrap();
+            assert_eq!(weaver.joins(), 1);
+        }
+    }
+}
