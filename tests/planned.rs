@@ -70,12 +70,22 @@ fn slow_twin(ways: &[f64], most: usize, size: WindowSize, halo: Halo) -> Vec<[us
         // Up to where the next span begins, all is known to be empty.
         let begins = |span: usize| spans[span][0] as f64;
         let ends = |span: usize| if span + 1 < spans.len() { begins(span + 1) } else { f64::INFINITY };
+        let is_within = |span: usize, length: f64| {
+            if span < first {
+                ends(span) > begins(first) - length * (1.0 + 1e-6)
+            } else {
+                begins(span) < ends(end - 1) + length * (1.0 + 1e-6)
+            }
+        };
         let is_loaded = |span: usize| match halo {
             _ if (first..end).contains(&span) => true,
             Halo::None => false,
-            Halo::Span => span + 1 == first || span == end,
-            Halo::Length(length) if span < first => ends(span) > begins(first) - length * (1.0 + 1e-6),
-            Halo::Length(length) => begins(span) < ends(end - 1) + length * (1.0 + 1e-6),
+            Halo::Length(length) => is_within(span, length),
+            Halo::SpanBeyond(length) => is_within(span, length) || if span < first {
+                span + 1 == first || is_within(span + 1, length)
+            } else {
+                span == end || is_within(span - 1, length)
+            },
         };
         (0..spans.len()).filter(|&span| is_loaded(span)).map(|span| among(&spans[span])).sum::<usize>()
     };
