@@ -16,7 +16,7 @@ use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
 use crate::neighborhood::{Grid, Search};
 use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
-use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor, segment};
 use crate::window::{Halo, Window};
 
 /// The coordinates, as attributes.
@@ -226,8 +226,7 @@ impl Recipe {
             window = window.restricted(kept);
         }
         self.mark_seeds(&mut window)?;
-        let mut segmented = self.ingredients.segmentor.segment(&window)?;
-        self.check(&segmented, &window)?;
+        let mut segmented = segment(&*self.ingredients.segmentor, &window)?;
         segmented.seeded = window.seeds().map(|seeds| {
             let mut seeded = vec![false; segmented.labels.count()];
             for (&label, _) in
@@ -244,15 +243,6 @@ impl Recipe {
             }
         }
         Ok(segmented)
-    }
-
-    fn check(&self, segmented: &Segmented, window: &Window) -> Result<()> {
-        let (given, points) = (segmented.labels.of_points().len(), window.points().len());
-        if given == points {
-            return Ok(());
-        }
-        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
-        Err(Error::Labels { segmentor: self.name().into(), problem })
     }
 }
 

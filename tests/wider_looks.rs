@@ -126,9 +126,7 @@ fn stages(steps: &[Step], points: &[[f64; 3]], survey: &Survey) -> Vec<Arc<dyn S
             Step::Radius(radius, neighbors) => {
                 Arc::new(RadiusOutlierRemoval::new(radius * survey.unit, neighbors).unwrap())
             }
-            Step::Voxels(size, representative) => {
-                Arc::new(VoxelGrid::new(size * survey.unit, representative).unwrap())
-            }
+            Step::Voxels(size, representative) => Arc::new(VoxelGrid::new(size * survey.unit, representative).unwrap()),
             Step::Given(removal, mean) => {
                 let (count, mean) = (points.len() as u64, mean * survey.unit);
                 let statistics = Statistics { count, mean, deviation: 0.5 * mean, reach: None };
@@ -272,13 +270,14 @@ proptest! {
     #[test]
     fn a_live_source_splits_but_never_merges_and_counts_what_is_undecided(
         cloud in scattered(), survey in survey(), growth in growth(), size in window_size(), width in width(),
+        filter in prop::sample::select(vec![None, Some("SurfaceVariation <= 0.03"), Some("Z > 0")]),
     ) {
         let mut cloud = cloud;
         cloud.sort_by_key(|place| place[0]);
         let points = survey.told(&cloud);
         let by = spans(Direction::X, width, &survey);
         let run = Run { by, size, source: Source::Live, chunks: vec![7], threads: 1 };
-        let recipe = recipe(RegionGrowing::new(growth).unwrap(), None, &[]);
+        let recipe = recipe(RegionGrowing::new(growth).unwrap(), filter, &[]);
         let whole = static_labels(&points, survey.lattice, &recipe);
         check_what_is_decided(&stream(&points, survey.lattice, Arc::new(recipe), &run), &whole)?;
     }

@@ -22,7 +22,7 @@ pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 use std::ops::Range;
 
 use crate::certificate::Tally;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::front::Frontier;
 use crate::label::{Labels, NONE};
 use crate::neighborhood::Search;
@@ -201,4 +201,18 @@ pub trait Segmentor: Send + Sync {
     fn agree(&self, _: &Plane, _: &Plane) -> bool {
         true
     }
+}
+
+/// Has `segmentor` label the points of `window`.
+///
+/// # Errors
+/// If it fails, or does not return one label for each point.
+pub fn segment(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
+    let segmented = segmentor.segment(window)?;
+    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
+    if given == points {
+        return Ok(segmented);
+    }
+    let problem = format!("returned {given} labels for window {} of {points} points", window.index());
+    Err(Error::Labels { segmentor: segmentor.name().into(), problem })
 }

@@ -142,7 +142,9 @@ impl Slider {
     fn has_halo(&self, end: usize) -> bool {
         match self.halo {
             Halo::None => true,
-            Halo::SpanBeyond(length) => self.held.len() > end + self.within_after(end, length) || self.ends_with_cloud(),
+            Halo::SpanBeyond(length) => {
+                self.held.len() > end + self.within_after(end, length) || self.ends_with_cloud()
+            }
             Halo::Length(length) => match (self.held[end - 1].extent, self.held.back().and_then(|span| span.extent)) {
                 (Some(own), Some(last)) => last.high >= own.high + length,
                 _ => true,
