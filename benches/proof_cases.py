@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import laspy
 import numpy as np
@@ -105,6 +105,16 @@ class Subject:
         """Static result of real coordinates, which are granted the rounding of their last digit."""
         points = load(self.cloud)
         return ss.segment_static(points.positions(np.arange(len(points.steps))), self.segmentor)
+
+    def static(self, source: Any, order: Ids) -> Ids:
+        """Static result of the points in some order.
+
+        Where some of the nearest neighbors are equally far away, the first in the order count, so features and what is
+        grown by them have a static result for each order.
+        """
+        if isinstance(self.segmentor, ss.RegionGrowing):
+            return ss.segment_static(source, self.segmentor)
+        return (self.of_file if isinstance(source, Path) else self.of_array)[order]
 
 
 class Order(NamedTuple):
