@@ -64,10 +64,13 @@ impl Plan {
     }
 
     fn halo_in_words(&self) -> String {
-        match self.halo() {
+        match self.halo {
             Halo::None => "none: nothing beside a window has to be loaded".into(),
             Halo::Length(length) => format!("{length} on either side of a window, loaded to be looked at"),
-            Halo::Span => "a span on either side of a window: how far would be enough cannot be told".into(),
+            Halo::SpanBeyond(0.0) => "a span on either side of a window: how far would be enough cannot be told".into(),
+            Halo::SpanBeyond(length) => {
+                format!("{length} and a span on either side of a window: how far would be enough cannot be told")
+            }
         }
     }
 

@@ -82,7 +82,7 @@ impl Exactness {
 
     /// Whether there is a limit to how far away what decides about a point can be.
     pub fn is_bounded(self) -> bool {
-        self.halo() != Halo::Span
+        !matches!(self.halo(), Halo::SpanBeyond(_))
     }
 
     /// How far apart points that are looked at together are at the most; 0 if nothing is known of it, ∞ if there is no limit.
@@ -103,7 +103,9 @@ impl Exactness {
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
-            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo == f64::INFINITY => Halo::Span,
+            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo == f64::INFINITY => {
+                Halo::SpanBeyond(0.0)
+            }
             Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo > 0.0 => Halo::Length(halo),
             _ => Halo::None,
         }
