@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import streamseg as ss
+from streamseg.source import open_source
 
 POINTS = np.column_stack([np.arange(50.0), np.zeros((50, 2))])
 NEAR = ss.Proximity(1.5)
@@ -311,3 +312,38 @@ def test_failures_come_once_and_then_the_stream_has_ended() -> None:
         note_points(run, taken)
     assert taken == list(range(30))
     assert [list(run), list(run)] == [[], []]
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"threads": "2"}, ss.InvalidType),
+        ({"threads": 0}, ss.InvalidParameter),
+        ({"threads": 5000}, ss.InvalidParameter),
+        ({"spans": 3}, ss.InvalidParameter),
+        ({"window": 3}, ss.InvalidType),
+        ({"revisit": "yes"}, ss.InvalidType),
+        ({"result": "carry", "sort": "ascending"}, ss.InvalidParameter),
+        ({"history": "."}, ss.OutputExists),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("more", [{"spans": "auto"}, {"revisit": True, "spans": ss.SpanByCount(3)}, {}], ids=str)
+def test_what_cannot_be_is_refused_before_the_cloud_is_read(
+    options: dict[str, Any],
+    error: type[Exception],
+    more: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "something").touch()
+    asked = {**more, **options}
+    segmentor = ss.Dbscan(1.0, sort=asked.pop("sort", "native"))
+    source = open_source(POINTS)
+
+    def chunks(names: Sequence[str]) -> Iterator[Any]:
+        raise AssertionError("it was read")
+
+    with pytest.raises(error):
+        ss.stream(source._replace(chunks=chunks), segmentor, **asked)

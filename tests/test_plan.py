@@ -118,8 +118,8 @@ def test_what_memory_cannot_hold_is_told_in_one_sentence() -> None:
         labels = ss.segment(dense, ss.Proximity(1.0), max_memory="82MB")
     (warning,) = caught
     needed = re.fullmatch(
-        r"the densest place needs windows of 50,000 points and a budget of about (\d+) MB, some of it in reserve, more than the max_memory of 82 MB; "
-        "give at least that, or a smaller distance",
+        r"the densest place needs windows of 50,000 points and a budget of about (\d+) MB, some of it in reserve, "
+        "more than the max_memory of 82 MB; give at least that",
         str(warning.message),
     )
     assert needed is not None
@@ -199,7 +199,7 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["info", "line.npy", "--distance", 1], "--distance 1 is given without --plan, allowed: FILE only"),
+        (["info", "line.npy", "--distance", 1], "--distance is given without --plan, allowed: FILE only"),
         (["info", "line.npy", "--plan"], "--method proximity needs --distance"),
         (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "streamseg: --spans is given with --plan"),
         (

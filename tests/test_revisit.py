@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from reference import history
 from reference.clouds import read
 from reference.consumer import ids_of, take
 from reference.partition import refines, same
+from reference.roster import ROSTER, houses
 
 Positions = NDArray[np.float64]
 
@@ -229,3 +230,50 @@ def test_the_command_line_comes_back_too(tiles: Positions, tmp_path: Path) -> No
     labels: NDArray[np.int64] = np.load(tmp_path / "out.npy")
     assert same(labels, ss.segment_static(cloud, ss.Proximity(1.5, metric="xy")))
     assert "in any order" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", [name for name, promise in ROSTER.items() if promise.is_identical])
+@pytest.mark.parametrize("spans", [ss.SpanByWidth(6.0), "auto"], ids=["by width", "auto"])
+def test_where_spans_hold_all_they_need_revisit_changes_nothing(name: str, spans: Any) -> None:
+    points, segmentor = houses(4), ROSTER[name].segmentor
+    found = []
+    for revisit in (False, True):
+        with ss.stream(points, segmentor, spans=spans, revisit=revisit, result="final") as run:
+            labels = ids_of(run)
+        assert (run.exactness, run.is_identical, run.is_proven) == (ROSTER[name].exactness, True, True)
+        assert run.certificate.returned_points == run.certificate.early_decisions == 0
+        found.append((labels.tolist(), run.promise, run.certificate))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("spans", [ss.SpanByCount(40), ss.SpanByWidth(3.0)], ids=["count", "width"])
+def test_a_run_that_failed_or_was_stopped_has_proved_nothing(spans: Any) -> None:
+    points = np.column_stack([np.arange(400.0), np.zeros((400, 2))])
+
+    def breaks_off() -> Iterator[Positions]:
+        yield from np.array_split(points, 10)[:5]
+        raise RuntimeError("the scanner fell over")
+
+    with ss.stream(points, RADIUS, spans=spans, revisit=True) as whole:
+        list(whole)
+    assert whole.is_proven
+    with ss.stream(breaks_off(), RADIUS, spans=spans, revisit=True) as broken, pytest.raises(RuntimeError):
+        list(broken)
+    assert broken.is_identical
+    assert not broken.is_proven
+    with ss.stream(points, RADIUS, spans=spans, revisit=True) as stopped:
+        next(stopped)
+    assert not stopped.is_proven
+
+
+def test_an_unknown_reach_is_refused_before_anything_is_read() -> None:
+    def asked() -> Iterator[Positions]:
+        raise AssertionError
+        yield
+
+    points = np.zeros((5, 3))
+    for source in (points, [points]):
+        with pytest.raises(ss.InvalidParameter, match=r"^revisit is true with a segmentor whose reach is not known"):
+            ss.stream(source, lambda window: np.zeros(len(window.points), int), spans=ss.SpanByCount(2), revisit=True)
+    with pytest.raises(ss.InvalidParameter, match=r"^revisit is true with a segmentor whose reach is not known"):
+        ss.stream(asked(), ss.RegionGrowing(4), revisit=True)

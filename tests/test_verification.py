@@ -223,7 +223,7 @@ def test_doubts_are_told_with_their_number() -> None:
     assert [doubt.split(" could")[0].split(" went")[0].split(" were")[0] for doubt in certificate.doubts] == [
         "2 edges",
         "1 points",
-        "6 points",
+        "6 decisions about points",
     ]
     assert str(certificate) == (
         "2 of 12 edges undecided, 1 of 31 points undecided, 4 points returned, "

@@ -8,8 +8,8 @@ from typing import NamedTuple
 class Certificate(NamedTuple):
     """What a run could prove.
 
-    If nothing is undecided or early, and the run promised as much (`Stream.is_identical`: its spans are wide enough), the
-    streamed partition is the static one; `Stream.is_proven` says both.
+    If nothing is undecided or early, and the run promised as much (`Stream.is_identical`: its spans are wide enough),
+    the streamed partition is the static one; `Stream.is_proven` says both.
     """
 
     decided_edges: int

@@ -54,6 +54,8 @@ class Asked(NamedTuple):
             )
         if not (window is None or isinstance(window, Window)):
             raise InvalidType(f"window is {window!r}, allowed: a Window, such as Window(3, 1)")
+        if not isinstance(self.revisit, bool):
+            raise InvalidType(f"revisit is {self.revisit!r}, allowed: True or False")
         if max_memory is not None and not self.is_auto:
             raise InvalidParameter(
                 f"max_memory is {max_memory!r} with {spans!r}, allowed: with spans='auto' or no spans"
