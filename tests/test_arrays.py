@@ -60,6 +60,6 @@ def test_points_attributes_labels_and_ids_are_read_as_they_are(layout: Any) -> N
 @pytest.mark.parametrize("kind", [bool, complex])
 def test_what_has_no_place_on_a_line_is_no_coordinate(kind: type) -> None:
     with pytest.raises(
-        ss.InvalidInput, match=r"^points is an array of \w+ that is no array of numbers, expected shape \(n, 3\)$"
+        ss.InvalidInput, match=r"^points is an array that is no array of numbers \(\w+\), expected shape \(n, 3\)$"
     ):
         ss.segment(POINTS.astype(kind), ss.Proximity(1.0))

@@ -59,7 +59,7 @@ def test_spans_and_windows_of_the_history(script: Script) -> None:
         first = index * script.window.advance
         spans = min(script.window.spans, len(script.span_points) - first)
         assert row[:6] == [index, first, spans, len(members), given_ids, segments]
-        # In stream order more may come to any place, so all that is said is an early decision; nothing waits or returns.
+        # In stream order more may come to any place, so all that is said is early; nothing waits or returns.
         assert row[6:] == [0, 0, 0, 0, 0, len(labels)]
         given_ids += segments
 
