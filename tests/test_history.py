@@ -160,6 +160,21 @@ def test_a_run_that_is_killed_leaves_all_but_the_part_under_way(tmp_path: Path) 
     assert all(np.all(segments == 1) for _, segments in past.resolve())
 
 
+def test_what_has_to_be_installed_is_told_wherever_parquet_is_needed(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    for needs in (
+        lambda: ss.History(folder).to_csv(tmp_path / "csv"),
+        lambda: list(ss.History(folder).resolve()),
+        lambda: ss.stream(np.zeros((3, 3)), ss.Proximity(1.0), history=tmp_path / "more"),
+    ):
+        with pytest.raises(ss.MissingExtra, match=r"pip install 'streamseg\[history\]'"):
+            needs()
+    assert not (tmp_path / "more").exists()
+
+
 def spoil_manifest(text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / "manifest.json").write_text(text)
 

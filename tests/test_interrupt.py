@@ -11,6 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import laspy
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -196,3 +197,33 @@ def test_stopping_by_hand_is_not_completing(tmp_path: Path) -> None:
     assert taken < 31
     assert past.manifest["points"] == PER_SPAN * taken
     assert past.manifest["complete"] is False
+
+
+@pytest.mark.parametrize("name", ["out.laz", "out.npy"])
+def test_what_is_segmented_is_written_even_if_that_is_when_ctrl_c_comes(tmp_path: Path, name: str) -> None:
+    source = ss.scenes.write(tmp_path / "in.laz", "airborne", 300_000)
+    pressed: list[int] = []
+
+    def press(points: int) -> None:
+        if not pressed:
+            pressed.append(points)
+            press_ctrl_c()
+
+    with pytest.raises(KeyboardInterrupt):
+        ss.segment_file(source, tmp_path / name, ss.Proximity(1.0), on_write=press)
+    assert pressed
+    expected = ss.segment(source, ss.Proximity(1.0))
+    written = np.load(tmp_path / name) if name.endswith("npy") else np.array(laspy.read(tmp_path / name)["SegmentID"])
+    assert np.array_equal(written, expected)
+
+
+def test_a_second_ctrl_c_ends_the_writing_and_says_so(tmp_path: Path) -> None:
+    source = ss.scenes.write(tmp_path / "in.laz", "airborne", 300_000)
+
+    def press(_: int) -> None:
+        press_ctrl_c()
+
+    with pytest.raises(KeyboardInterrupt, match=r"^it was interrupted once more while it was being written$"):
+        ss.segment_file(source, tmp_path / "out.laz", ss.Proximity(1.0), on_write=press)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.laz"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

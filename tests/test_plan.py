@@ -187,6 +187,20 @@ expected     a peak of about [\d,]+ MB with 1 window at a time
 """
 
 
+def test_info_plans_all_files_as_one_stream(
+    run: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    np.save(tmp_path / "left.npy", LINE[:400])
+    np.save(tmp_path / "right.npy", LINE[400:])
+    for words in (["left.npy", "right.npy", "--distance", 1.5], ["--distance", 1.5, "left.npy", "right.npy"]):
+        done = run("info", "--plan", *words)
+        assert done.returncode == 0, done.stderr
+        assert "1,000 in" in done.stdout
+    done = run("info", "--plan", "left.npy", "nosuch.npy", "--distance", 1.5)
+    assert done.returncode == 2
+    assert "nosuch.npy" in done.stderr
+
+
 def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     told = run(
         *["info", "line.npy", "--plan", "--method", "dbscan", "--eps", 1.5],
