@@ -107,7 +107,7 @@ class Subject:
         return ss.segment_static(points.positions(np.arange(len(points.steps))), self.segmentor)
 
     def static(self, source: Any, order: Ids) -> Ids:
-        """Static result of the points in some order.
+        """Compute the static result of the points in some order.
 
         Where some of the nearest neighbors are equally far away, the first in the order count, so features and what is
         grown by them have a static result for each order.
@@ -125,6 +125,11 @@ class Order(NamedTuple):
     spans: ss.SpanByCount | ss.SpanByTime
     cuts: Ids
     """Where a live source begins a new array."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether nobody measured in this order."""
+        return self.name.startswith("random")
 
 
 def orders(points: Points, seeds: int) -> Iterator[Order]:

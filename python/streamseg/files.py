@@ -21,7 +21,6 @@ from .run import stream
 from .source import PathLike, counted, open_source
 from .stream import PATIENCE, LeftOut, Progress, Result, Stream
 
-
 _TWICE = "it was interrupted once more while it was being written"
 
 

@@ -117,7 +117,7 @@ impl Plan {
     pub fn warning(&self) -> Option<String> {
         let needed = self.footprint.needed(self.most_points());
         match self.budget.bytes() {
-            budget if budget < needed => Some(words::too_dense(needed.max(READING), self)),
+            budget if budget < needed => Some(words::too_dense(needed, self)),
             budget if budget < READING => Some(words::too_little(self)),
             _ => None,
         }

@@ -69,7 +69,9 @@ impl Exactness {
         // Spans narrower than the halo, by whatever rounding, would be loaded over and over.
         let halo = if let Halo::Length(halo) = self.halo() { 1.01 * halo } else { 0.0 };
         match (self.reach(), layout) {
-            (reach, _) if reach > 0.0 && reach.is_finite() => by_width(halo.max(REACHES_PER_SPAN * reach)),
+            (reach, _) if reach > 0.0 && (REACHES_PER_SPAN * reach).is_finite() => {
+                by_width(halo.max(REACHES_PER_SPAN * reach))
+            }
             (_, Some(Layout { points, extent })) if extent > 0.0 && points > POINTS_PER_SPAN as u64 => {
                 by_width(extent * POINTS_PER_SPAN as f64 / points as f64)
             }
