@@ -331,3 +331,23 @@ fn ties_that_a_filter_brings_in_are_not_forgotten() {
         check(&stream_with(&points, &columns, lattice, Arc::new(by_class), &run), &whole).unwrap();
     }
 }
+
+/// Found by the property above: a halo as wide as a stage needs it holds points whose segments have gone out of scope.
+#[test]
+fn what_a_wide_halo_shows_of_segments_out_of_scope_is_joined() {
+    let four = |x: f64| [[x, 0.0, 0.0], [x, 1.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0]];
+    let points: Vec<[f64; 3]> = four(0.0).into_iter().chain([[10.0, 0.0, 0.0]]).chain(four(20.0)).collect();
+    let search = Search::Nearest { k: 4, flat: false, within: f64::INFINITY };
+    let growing = RegionGrowing::new(Growth { search, ..Growth::default() }).unwrap();
+    let lattice = Lattice::new([1.0; 3], [0.0; 3]).unwrap();
+    let recipe = || recipe_after(vec![Arc::new(RadiusOutlierRemoval::new(30.0, 1).unwrap())], growing, None, &[]);
+    let whole = static_labels(&points, lattice, &recipe());
+    assert_eq!(whole, [0, 0, 0, 0, 0, 1, 1, 1, 1]);
+    for (direction, source) in
+        [(Direction::X, Source::Stored), (Direction::Azimuth(270.0), Source::Stored), (Direction::X, Source::Live)]
+    {
+        let by = SpanBy::Width { width: 2.0, direction };
+        let run = Run { by, size: WindowSize::new(1, 0).unwrap(), source, chunks: vec![7], threads: 1 };
+        check(&stream(&points, lattice, Arc::new(recipe()), &run), &whole).unwrap();
+    }
+}

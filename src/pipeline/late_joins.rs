@@ -30,11 +30,11 @@ pub(super) struct Seen<'a> {
 }
 
 impl LateJoins {
-    /// Nothing seen yet; points that are far away are seen if the segmentor `looks_again`.
-    pub fn new(exactness: Exactness, looks_again: bool) -> Self {
+    /// Nothing seen yet; `sees_far` if points that have gone out of scope may be seen, too.
+    pub fn new(exactness: Exactness, sees_far: bool) -> Self {
         match exactness {
             Exactness::Proven { .. } => Self::Front(Front::default()),
-            _ if sees_beyond(exactness) => Self::Sightings(Sightings::new(looks_again)),
+            _ if sees_beyond(exactness) => Self::Sightings(Sightings::new(sees_far)),
             _ => Self::None,
         }
     }

@@ -27,7 +27,7 @@ use crate::segmentor::Segmentor;
 use crate::span::{Extent, Span, Spans};
 use crate::undecided::Undecided;
 use crate::weaver::{Aliases, EvictedSpan, Weaver};
-use crate::window::{Slider, Window, WindowSize};
+use crate::window::{Halo, Slider, Window, WindowSize};
 use intake::{Intake, TakenIn};
 use weaving::{Weaving, Woven};
 
@@ -84,11 +84,14 @@ impl Pipeline {
     ) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
         let again = LookAgain::new(&segmentor, || spans.archive(), lattice);
-        let slider = Slider::new(size, lattice).with_halo(segmentor.halo());
+        let halo = segmentor.halo();
+        // The halo of one span is still in scope.
+        let sees_far = again.is_some() || matches!(halo, Halo::SpanBeyond(length) if length > 0.0);
+        let slider = Slider::new(size, lattice).with_halo(halo);
         let names = segmentor.reads();
         let pipeline = Self {
             intake: Intake::new(spans, slider),
-            weaving: Weaving::new(Arc::clone(&segmentor), again.is_some()),
+            weaving: Weaving::new(Arc::clone(&segmentor), sees_far),
             segmentor,
             crew,
             under_way: VecDeque::new(),

@@ -33,8 +33,8 @@ pub(super) struct Woven {
 }
 
 impl Weaving {
-    pub fn new(segmentor: Arc<dyn Segmentor>, looks_again: bool) -> Self {
-        let late_joins = LateJoins::new(segmentor.exactness(), looks_again);
+    pub fn new(segmentor: Arc<dyn Segmentor>, sees_far: bool) -> Self {
+        let late_joins = LateJoins::new(segmentor.exactness(), sees_far);
         let weaver = Weaver::with_late_joins(late_joins.out_of_scope());
         Self { segmentor, weaver, late_joins, planes: LivePlanes::default(), time: Duration::ZERO }
     }
