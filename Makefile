@@ -63,7 +63,7 @@ experiments: $(BUILT) $(TOOLS) ## improved region growing's experiment, and roof
 
 proof: $(BUILT) $(TOOLS) ## streamed against static on the measured clouds, into figures/ (an hour or two)
 	$(BIN)/python benches/proof.py
-	$(BIN)/python benches/proof.py --orders
+	$(BIN)/python benches/proof.py --orders --out figures/proof-orders.csv
 
 soak: $(BUILT) $(TOOLS) ## memory and speed on long clouds, beside scipy
 	$(BIN)/python benches/memory.py

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import laspy
 import numpy as np
@@ -106,6 +106,16 @@ class Subject:
         points = load(self.cloud)
         return ss.segment_static(points.positions(np.arange(len(points.steps))), self.segmentor)
 
+    def static(self, source: Any, order: Ids) -> Ids:
+        """Compute the static result of the points in some order.
+
+        Where some of the nearest neighbors are equally far away, the first in the order count, so features and what is
+        grown by them have a static result for each order.
+        """
+        if isinstance(self.segmentor, ss.RegionGrowing):
+            return ss.segment_static(source, self.segmentor)
+        return (self.of_file if isinstance(source, Path) else self.of_array)[order]
+
 
 class Order(NamedTuple):
     """An order of the points of a cloud, cut into spans."""
@@ -115,6 +125,11 @@ class Order(NamedTuple):
     spans: ss.SpanByCount | ss.SpanByTime
     cuts: Ids
     """Where a live source begins a new array."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether nobody measured in this order."""
+        return self.name.startswith("random")
 
 
 def orders(points: Points, seeds: int) -> Iterator[Order]:

@@ -4,8 +4,6 @@
 //! border it is). It is *decided* when everything that it depends on has been loaded, or is known to be empty; until then it *waits*.
 //! What still waits when the stream has ended is *undecided*. If nothing is, the streamed partition is the static one.
 
-use std::ops::AddAssign;
-
 /// The decisions that came with one window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Tally {
@@ -28,7 +26,8 @@ pub struct Tally {
 pub struct Certificate {
     /// Pairs of points decided; a pair counts in each window that decides it.
     pub decided_edges: u64,
-    /// Pairs of points that wait; at the end, those that could not be decided.
+    /// Pairs of points that wait; at the end, those that could not be decided. Where none can wait for a later window, a pair
+    /// counts in each window that could not decide it.
     pub undecided_edges: u64,
     /// Points decided; a point counts in each window that decides it.
     pub decided_points: u64,
@@ -45,19 +44,18 @@ pub struct Certificate {
 }
 
 impl Certificate {
-    /// Whether nothing was left undecided, and nothing decided too early.
-    pub fn is_complete(&self) -> bool {
-        self.undecided_edges == 0 && self.undecided_points == 0 && self.early_decisions == 0
-    }
-}
-
-impl AddAssign<Tally> for Certificate {
-    fn add_assign(&mut self, window: Tally) {
+    /// Takes in a window. Where edges `wait` for later windows, those that waited before are among those that wait now, or
+    /// have been decided; elsewhere nothing decides them any more.
+    pub fn take_in(&mut self, window: Tally, edges_wait: bool) {
         self.decided_edges += window.decided_edges;
-        // Those that waited before are among those that wait now, or have been decided.
-        self.undecided_edges = window.waiting_edges;
+        self.undecided_edges = window.waiting_edges + if edges_wait { 0 } else { self.undecided_edges };
         self.decided_points += window.decided_points;
         self.returned_points += window.returned_points;
         self.early_decisions += window.early_decisions;
+    }
+
+    /// Whether nothing was left undecided, and nothing decided too early.
+    pub fn is_complete(&self) -> bool {
+        self.undecided_edges == 0 && self.undecided_points == 0 && self.early_decisions == 0
     }
 }

@@ -87,17 +87,23 @@ def test_info_of_a_cloud_and_of_a_history(run: Run, strip: Path) -> None:
 
 WRONG = {
     "missing input": (["segment", "no.laz", "out.laz", "--distance", 1], ["no.laz", "does not exist"]),
-    "distance": (["segment", "strip.laz", "out.laz", "--distance", -1], ["--distance is -1", "above 0"]),
+    "distance": (["segment", "strip.laz", "out.laz", "--distance", -1], ["streamseg: --distance is -1", "above 0"]),
     "width": (
         ["segment", "strip.laz", "out.laz", "--distance", 1, "--span-width", 0],
-        ["--span-width is 0", "above 0"],
+        ["streamseg: --span-width is 0", "above 0"],
     ),
-    "overlap": (["segment", "strip.laz", "out.laz", "--distance", 1, "--overlap", 3], ["overlap is 3 of 3 spans"]),
-    "direction": (["segment", "strip.laz", "out.laz", "--distance", 1, "--direction", "up"], ["'up'", "'x', 'y'"]),
-    "threads": (["segment", "strip.laz", "out.laz", "--distance", 1, "--threads", 0], ["threads is 0"]),
+    "overlap": (
+        ["segment", "strip.laz", "out.laz", "--distance", 1, "--overlap", 3],
+        ["streamseg: --overlap is 3 of 3 spans"],
+    ),
+    "direction": (
+        ["segment", "strip.laz", "out.laz", "--distance", 1, "--direction", "up"],
+        ["streamseg: --direction is 'up'", "'x', 'y'"],
+    ),
+    "threads": (["segment", "strip.laz", "out.laz", "--distance", 1, "--threads", 0], ["streamseg: --threads is 0"]),
     "two cuts": (
         ["segment", "strip.laz", "out.laz", "--distance", 1, "--span-width", 9, "--span-count", 9],
-        ["--span-width and --span-count"],
+        ["streamseg: --span-width and --span-count"],
     ),
     "output is input": (["segment", "strip.laz", "strip.laz", "--distance", 1, "--overwrite"], ["strip.laz"]),
     "output folder": (["segment", "strip.laz", "no/out.laz", "--distance", 1], ["no"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import signal
 import sys
 import warnings
 from collections.abc import Callable
@@ -198,7 +199,7 @@ def test_what_is_left_out_is_told(run: Run, village: Path) -> None:
 def test_an_order_by_size_needs_final_ids(run: Run, village: Path) -> None:
     done = run("segment", village, "out.las", "--distance", 1, "--sort", "ascending", "--result", "carry")
     assert done.status == 2
-    assert "sort is 'ascending' with result='carry', allowed: with result='final'" in done.err
+    assert done.err.startswith("streamseg: --sort is 'ascending' with --result carry, allowed: with --result final, ")
 
 
 def test_the_class_of_the_run_is_told(run: Run, village: Path) -> None:
@@ -216,59 +217,111 @@ def test_the_class_of_the_run_is_told(run: Run, village: Path) -> None:
 WRONG: dict[str, tuple[str, list[str]]] = {
     "no such method": (
         "--method hdbscan2",
-        ["--method is 'hdbscan2', allowed: proximity, dbscan, conditional, planes"],
+        ["streamseg: --method is 'hdbscan2', allowed: proximity, dbscan, conditional, planes"],
     ),
-    "proximity needs": ("--method proximity", ["--method proximity needs --distance"]),
-    "dbscan needs": ("--method dbscan --min-points 4", ["--method dbscan needs --eps"]),
+    "proximity needs": ("--method proximity", ["streamseg: --method proximity needs --distance"]),
+    "dbscan needs": ("--method dbscan --min-points 4", ["streamseg: --method dbscan needs --eps"]),
     "of another method": (
         "--method dbscan --eps 1 --distance 2",
-        ["--distance is given with --method dbscan, allowed there: --eps, --min-points, --metric"],
+        ["streamseg: --distance is given with --method dbscan, allowed there: --eps, --min-points, --metric"],
     ),
     "growing has no criterion": (
         "--method growing --criterion true",
-        ["--criterion is given with --method growing, allowed there: --k"],
+        ["streamseg: --criterion is given with --method growing, allowed there: --k"],
     ),
-    "planes are not literal": ("--method planes --literal", ["--literal is given with --method planes"]),
-    "conditional has no k": ("--method conditional --k 8", ["--k is given with --method conditional"]),
-    "proximity has no radius": ("--distance 1 --search-radius 2", ["--search-radius is given with --method proximity"]),
-    "set with ours": ("--distance 1 --set eps=1", ["--set eps=1 is given with --method proximity, allowed: with"]),
-    "radius": ("--method conditional --search-radius wide", ["--search-radius is 'wide', allowed: a number"]),
+    "planes are not literal": ("--method planes --literal", ["streamseg: --literal is given with --method planes"]),
+    "conditional has no k": ("--method conditional --k 8", ["streamseg: --k is given with --method conditional"]),
+    "proximity has no radius": (
+        "--distance 1 --search-radius 2",
+        ["streamseg: --search-radius is given with --method proximity"],
+    ),
+    "set with ours": (
+        "--distance 1 --set eps=1",
+        ["streamseg: --set eps=1 is given with --method proximity, allowed: with"],
+    ),
+    "radius": (
+        "--method conditional --search-radius wide",
+        ["streamseg: --search-radius is 'wide', allowed: a number"],
+    ),
     "radii": (
         "--method conditional --search-radius 1,2,3,4 --search-mode 2.5d",
-        ["--search-radius is (1.0, 2.0, 3.0, 4.0), allowed: "],
+        ["streamseg: --search-radius is (1.0, 2.0, 3.0, 4.0), allowed: "],
     ),
     "radius below 0": (
         "--method planes --search-radius -1",
-        ["--search-radius is -1, allowed: a finite number above 0"],
+        ["streamseg: --search-radius is -1, allowed: a finite number above 0"],
     ),
-    "mode": ("--method conditional --search-mode 3", ["--search-mode is '3', allowed: '2d', '2.5d' or '3d'"]),
+    "mode": (
+        "--method conditional --search-mode 3",
+        ["streamseg: --search-mode is '3', allowed: '2d', '2.5d' or '3d'"],
+    ),
     "criterion": (
         "--method conditional --criterion 'abs(Z-n[0].Z)<'",
-        ["criterion, column 15: ", "abs(Z-n[0].Z)<"],
+        ["streamseg: criterion, column 15: ", "abs(Z-n[0].Z)<"],
     ),
     "no such attribute": (
         "--method conditional --criterion 'Amplitude == n[0].Amplitude'",
-        ["criterion, column 1: there is no attribute 'Amplitude'", "there are: X, Y, Z", "Pulse width"],
+        ["streamseg: criterion, column 1: there is no attribute 'Amplitude'", "there are: X, Y, Z", "Pulse width"],
     ),
-    "filter": ("--distance 1 --filter 'Z > '", ["filter, column"]),
-    "no neighborhood": ("--distance 1 --filter 'NormalZ > 0'", ["NormalZ is no attribute of the cloud"]),
-    "calculator": ("--method planes --seed-calculator 'Z > 1'", ["calculator, column 1: ", "true or false"]),
-    "angle": ("--method growing --angle 120", ["--angle is 120, allowed: "]),
-    "planes' angle": ("--method planes --angle -4", ["--angle is -4, allowed: "]),
-    "curvature": ("--method growing --curvature gauss", ["curvature is 'gauss', allowed: "]),
-    "size": ("--distance 1 --min-size 0", ["--min-size is 0, allowed: "]),
-    "sizes": ("--distance 1 --min-size 9 --max-size 3", ["--max-size is 3 with a --min-size of 9"]),
-    "sort": ("--distance 1 --sort random", ["sort is 'random', allowed: 'native', 'ascending' or 'descending'"]),
-    "normals": ("--distance 1 --normals fmcd", ["normals is 'fmcd', allowed: 'least_squares' or 'robust'"]),
-    "outliers": ("--distance 1 --outliers many", ["--outliers has 'many' where a whole number is needed"]),
-    "outliers' k": ("--distance 1 --outliers 0", ["k is 0, allowed: "]),
-    "half a neighbor": ("--distance 1 --outliers 6.5", ["--outliers has '6.5' where a whole number is needed"]),
-    "endless neighbors": ("--distance 1 --outliers inf", ["--outliers has 'inf' where a whole number is needed"]),
-    "outliers' dialect": ("--distance 1 --outliers 8,2,cgal", ["--outliers is 'cgal', allowed: "]),
-    "too much of outliers": ("--distance 1 --outliers 8,2,pcl,3", ["--outliers is '8,2,pcl,3', allowed: "]),
-    "lonely": ("--distance 1 --lonely -2,3", ["--lonely is -2, allowed: "]),
-    "too much of lonely": ("--distance 1 --lonely 1,2,3", ["--lonely is '1,2,3', allowed: "]),
-    "voxel": ("--distance 1 --voxel 0", ["--voxel is 0, allowed: "]),
+    "filter": ("--distance 1 --filter 'Z > '", ["streamseg: filter, column"]),
+    "no neighborhood": ("--distance 1 --filter 'NormalZ > 0'", ["streamseg: NormalZ is no attribute of the cloud"]),
+    "calculator": ("--method planes --seed-calculator 'Z > 1'", ["streamseg: calculator, column 1: ", "true or false"]),
+    "angle": ("--method growing --angle 120", ["streamseg: --angle is 120, allowed: "]),
+    "planes' angle": ("--method planes --angle -4", ["streamseg: --angle is -4, allowed: "]),
+    "curvature": ("--method growing --curvature gauss", ["streamseg: --curvature is 'gauss', allowed: "]),
+    "size": ("--distance 1 --min-size 0", ["streamseg: --min-size is 0, allowed: "]),
+    "sizes": ("--distance 1 --min-size 9 --max-size 3", ["streamseg: --max-size is 3 with a --min-size of 9"]),
+    "sort": (
+        "--distance 1 --sort random",
+        ["streamseg: --sort is 'random', allowed: 'native', 'ascending' or 'descending'"],
+    ),
+    "normals": (
+        "--distance 1 --normals fmcd",
+        ["streamseg: --normals is 'fmcd', allowed: 'least_squares' or 'robust'"],
+    ),
+    "outliers": ("--distance 1 --outliers many", ["streamseg: --outliers has 'many' where a whole number is needed"]),
+    "outliers' k": ("--distance 1 --outliers 0", ["streamseg: --outliers is 0, allowed: "]),
+    "half a neighbor": (
+        "--distance 1 --outliers 6.5",
+        ["streamseg: --outliers has '6.5' where a whole number is needed"],
+    ),
+    "endless neighbors": (
+        "--distance 1 --outliers inf",
+        ["streamseg: --outliers has 'inf' where a whole number is needed"],
+    ),
+    "outliers' dialect": ("--distance 1 --outliers 8,2,cgal", ["streamseg: --outliers is 'cgal', allowed: "]),
+    "too much of outliers": ("--distance 1 --outliers 8,2,pcl,3", ["streamseg: --outliers is '8,2,pcl,3', allowed: "]),
+    "lonely": ("--distance 1 --lonely -2,3", ["streamseg: --lonely is -2, allowed: "]),
+    "too much of lonely": ("--distance 1 --lonely 1,2,3", ["streamseg: --lonely is '1,2,3', allowed: "]),
+    "voxel": ("--distance 1 --voxel 0", ["streamseg: --voxel is 0, allowed: "]),
+    "outliers' multiplier": ("--distance 1 --outliers 8,-2", ["streamseg: --outliers is -2, allowed: "]),
+    "too many outliers": (
+        f"--distance 1 --outliers {'9' * 3000}",
+        [f"streamseg: --outliers is {'9' * 40}…, allowed: a whole number below 2^63"],
+    ),
+    "lonely's neighbors": ("--distance 1 --lonely 2,0", ["streamseg: --lonely is 0, allowed: "]),
+    "voxels of nothing": ("--distance 1 --voxel 1e-15", ["streamseg: --voxel is 0.000000000000001, with a point at "]),
+    "width": ("--distance 1 --span-width 0", ["streamseg: --span-width is 0, allowed: "]),
+    "width in words": (
+        "--distance 1 --span-width wide",
+        ["streamseg: --span-width is 'wide', allowed: a number above"],
+    ),
+    "count": ("--distance 1 --span-count 0", ["streamseg: --span-count is 0, allowed: "]),
+    "time": ("--distance 1 --span-time -1", ["streamseg: --span-time is -1, allowed: "]),
+    "lines": ("--distance 1 --span-lines 0", ["streamseg: --span-lines is 0, allowed: "]),
+    "direction": ("--distance 1 --direction nan", ["streamseg: --direction is NaN, allowed: 'x', 'y' or an azimuth"]),
+    "direction of a count": (
+        "--distance 1 --span-count 9 --direction y",
+        ["streamseg: --direction is given with --span-count, allowed: with --span-width"],
+    ),
+    "direction without a width": (
+        "--method growing --k 8 --direction x",
+        ["streamseg: --direction is x without --span-width, allowed: with one for RegionGrowing("],
+    ),
+    "spans": ("--distance 1 --spans 0", ["streamseg: --spans is 0, allowed: "]),
+    "overlap": ("--distance 1 --overlap 3", ["streamseg: --overlap is 3 of 3 spans, allowed: "]),
+    "threads": ("--distance 1 --threads 0", ["streamseg: --threads is 0, allowed: "]),
+    "memory": ("--distance 1 --max-memory 5Q", ["streamseg: --max-memory is '5Q', allowed: "]),
     "not a number": ("--distance near", ["--distance"]),
     "no such option": ("--distance 1 --neighbours 8", ["--neighbours"]),
 }
@@ -284,6 +337,97 @@ def test_what_is_wrong_is_told_in_a_sentence(run: Run, village: Path, tmp_path: 
     assert "Traceback" not in done.err
     assert done.out == ""
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        *[("--span-width", "5"), ("--span-count", "9"), ("--span-time", "2"), ("--span-lines", "3")],
+        *[("--direction", "y"), ("--direction", "x"), ("--spans", "4"), ("--overlap", "0")],
+    ],
+)
+def test_what_a_plan_chooses_is_not_given(run: Run, village: Path, option: str, value: str) -> None:
+    planners = {
+        "--plan": ["info", village, "--plan"],
+        "--max-memory": ["segment", village, "out.las", "--max-memory", "1GB"],
+    }
+    if option != "--span-width":
+        planners["--span-width auto"] = ["verify", village, "--span-width", "auto"]
+    for planner, command in planners.items():
+        done = run(*command, "--distance", 1, option, value)
+        assert (done.status, done.out) == (2, "")
+        assert done.err == f"streamseg: {option} is given with {planner}, which chooses it; leave it out\n"
+
+
+def test_the_threads_of_a_plan_are_checked(run: Run, village: Path) -> None:
+    for threads in (0, -3):
+        done = run("info", village, "--plan", "--distance", 1, "--threads", threads)
+        assert done.status == 2
+        assert done.err.startswith(f"streamseg: --threads is {threads}, allowed: ")
+
+
+def test_the_size_of_a_picture_is_no_voxel(run: Run, village: Path) -> None:
+    done = run("preview", village, "out.png", "--size", 0)
+    assert (done.status, done.err) == (2, "streamseg: --size is 0, must be 200 to 20000 pixels\n")
+
+
+def test_numbers_that_are_slips_are_refused(run: Run, tmp_path: Path) -> None:
+    for text in ("demo new --seed NUMBER", "demo new --points NUMBER", "segment in out --method growing --k NUMBER"):
+        for number in (10**20, "9" * 5000):
+            done = run(*text.replace("NUMBER", str(number)).split())
+            assert (done.status, done.out) == (2, "")
+            assert "Traceback" not in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_out_is_missing_where_one_path_is_given(run: Run, village: Path) -> None:
+    done = run("segment", village, "--distance", 1)
+    assert (done.status, done.err) == (2, "streamseg: OUT is missing: streamseg segment IN... OUT\n")
+    done = run("resolve", "past", village)
+    assert (done.status, done.err) == (2, "streamseg: OUT is missing: streamseg resolve HISTORY IN... OUT\n")
+    for words in (["segment"], ["resolve", "past"], ["verify"]):
+        done = run(*words)
+        assert done.status == 2
+        assert "Missing argument 'IN...'" in done.err
+
+
+def test_warnings_name_options(run: Run, village: Path) -> None:
+    done = run("segment", village, "out.las", "--distance", 1, "--max-memory", "82MB")
+    assert done.status == 0
+    assert re.match("streamseg: warning: .* more than the --max-memory of 82 MB; ", done.err)
+
+
+# Asked to end.
+
+COMMANDS = {
+    "segment in.las out.las --distance 1": "cli.segment.segment_file",
+    "verify in.las --distance 1": "cli.verify.verify_run",
+    "resolve past in.las out.las": "cli.commands.resolve_file",
+    "info in.las": "description.describe",
+    "info in.las --plan --distance 1": "cli.plan.plan",
+    "preview in.las out.png": "cli.commands.draw_preview",
+    "export past tables": "cli.commands.History",
+    "demo new": "demo.run",
+}
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_ends_alike_when_it_is_asked_to(
+    run: Run, monkeypatch: pytest.MonkeyPatch, command: str, number: signal.Signals
+) -> None:
+    def work(*_: object, **__: object) -> None:
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(f"streamseg.{COMMANDS[command]}", work)
+    before = {each: signal.getsignal(each) for each in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        done = run(*command.split())
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    assert done.status == 128 + number
+    assert re.fullmatch("streamseg: interrupted(; out.las has not been written, because no .*)?\n", done.err)
 
 
 # Plug-ins.
@@ -362,16 +506,62 @@ def test_verify_takes_the_methods_and_options_of_segment(run: Run, village: Path
     assert done.status == (0 if expected.is_identical else 3)
 
 
-def test_verify_has_the_options_of_segment_and_uses_each() -> None:
-    options = set(inspect.signature(verify).parameters)
+def test_verify_has_the_options_of_segment() -> None:
     output = {"output", "result", "history", "preview", "overwrite"}
-    assert options == set(inspect.signature(segment).parameters) - output
-    used = {"inputs", "method", "settings", "outliers", "lonely", "voxel", "spans", "overlap", "quiet"}
-    used |= {name.removeprefix("--").replace("-", "_") for method in METHODS.values() for name in method.options}
-    used |= {name.removeprefix("--").replace("-", "_") for name in OPTIONS}
-    used |= {"span_width", "direction", "span_count", "span_time", "span_lines"}
-    used |= {"max_memory", "threads", "drop_invalid", "revisit"}
-    assert options <= used, "cli/verify.py has to hand these on too"
+    assert set(inspect.signature(verify).parameters) == set(inspect.signature(segment).parameters) - output
+
+
+# What is handed on of the options that are not the segmentor's.
+HANDED_ON: list[tuple[str, str, Any]] = [
+    *[(text, "preprocess", stages) for text, stages in BEFORE],
+    ("--span-width 5", "spans", ss.SpanByWidth(5.0)),
+    ("--span-width 5 --direction 30", "spans", ss.SpanByWidth(5.0, 30.0)),
+    ("--direction y", "spans", ss.SpanByWidth(20.0, "y")),
+    ("--span-width auto", "spans", "auto"),
+    ("--span-count 60", "spans", ss.SpanByCount(60)),
+    ("--span-time 0.5", "spans", ss.SpanByTime(0.5)),
+    ("--span-lines 7", "spans", ss.SpanByScanLine(7)),
+    ("--spans 5", "window", ss.Window(5, 1)),
+    ("--overlap 2", "window", ss.Window(3, 2)),
+    ("--spans 5 --overlap 0", "window", ss.Window(5, 0)),
+    ("--max-memory 99MB", "max_memory", "99MB"),
+    ("--threads 2", "threads", 2),
+    ("--drop-invalid", "drop_invalid", True),
+    ("--revisit", "revisit", True),
+]
+
+
+@pytest.mark.parametrize("command", ["segment", "verify"])
+@pytest.mark.parametrize(("text", "keyword", "value"), HANDED_ON)
+def test_each_option_is_handed_on(
+    run: Run, village: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str, keyword: str, value: Any
+) -> None:
+    handed: list[dict[str, Any]] = []
+
+    def work(*_: object, **keywords: Any) -> None:
+        handed.append(keywords)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"streamseg.cli.{'verify.verify_run' if command == 'verify' else 'segment.segment_file'}", work)
+    paths = [village] if command == "verify" else [village, "out.las"]
+    run(command, *paths, "--distance", 1)
+    run(command, *paths, "--distance", 1, *text.split())
+    usual, given = handed
+    assert repr(given["segmentor"]) == repr(ss.Proximity(1.0))
+    assert repr(given[keyword]) == repr(value) != repr(usual[keyword])
+
+
+def test_every_shared_option_is_tried_above() -> None:
+    tried = {word for text, *_ in [*HANDED_ON, *METHOD_OPTIONS] for word in words(text) if word.startswith("--")}
+    options = {f"--{name.replace('_', '-')}" for name in inspect.signature(verify).parameters}
+    assert tried == options - {"--inputs", "--settings", "--quiet"}
+
+
+def test_verify_advises_what_can_be_typed(run: Run, village: Path) -> None:
+    done = run("verify", village, *words("--method growing --search-radius 2 --span-count 60"))
+    assert done.status == 3
+    assert "use spans by width, or --revisit" in done.out
+    assert "=True" not in done.out
 
 
 def test_verify_of_a_damaged_file(run: Run, village: Path, tmp_path: Path) -> None:
@@ -386,7 +576,7 @@ def test_verify_refuses_what_segment_refuses(run: Run, village: Path) -> None:
     for text, sentence in [
         ("--method dbscan --eps 1 --k 8", "--k is given with --method dbscan"),
         ("--distance 1 --span-width 5 --span-count 9", "--span-width and --span-count are given"),
-        ("--distance 1 --span-width 0", "width is 0"),
+        ("--distance 1 --span-width 0", "streamseg: --span-width is 0"),
         ("--distance 1 --history past", "--history"),
     ]:
         done = run("verify", village, *words(text))

@@ -6,6 +6,7 @@ import inspect
 import pkgutil
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import warnings
@@ -36,18 +37,51 @@ def test_an_example_runs(example: Path, tmp_path: Path) -> None:
     assert done.stdout
 
 
-def test_the_readme_tells_the_commands_that_there_are(tmp_path: Path) -> None:
-    text = (ROOT / "README.md").read_text()
-    ss.scenes.write(tmp_path / "strip.laz", "airborne", 20_000)
-    commands = re.findall(r"^(streamseg [^#\n]*)", text, re.M)
-    assert len(commands) >= 5
-    for command in commands:
-        words = shlex.split(command)
+def commands(page: Path) -> list[list[str]]:
+    """The words of a page's commands."""
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```", page.read_text(), re.S | re.M)
+    lines = [line for language, block in blocks if language != "python" for line in block.splitlines()]
+    return [shlex.split(line, comments=True) for line in lines if line.startswith("streamseg ")]
+
+
+def announce_heaps(folder: Path) -> None:
+    """Install a package with the plug-in that a page tells of."""
+    (folder / "my_package.py").write_text(
+        "def heaps(window, *, apart=1.0):\n    return (window.points[:, 0] // apart).astype(int)\n"
+    )
+    told = folder / "my_package-1.0.dist-info"
+    told.mkdir()
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: my-package\nVersion: 1.0\n")
+    (told / "entry_points.txt").write_text("[streamseg.segmentors]\nheaps = my_package:heaps\n")
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cloud that stands in for the reader's."""
+    return ss.scenes.write(tmp_path_factory.mktemp("docs") / "strip.laz", "airborne", 20_000)
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if commands(page)], ids=lambda page: str(page.relative_to(ROOT))
+)
+def test_the_commands_of_a_page_run(page: Path, strip: Path, tmp_path: Path) -> None:
+    announce_heaps(tmp_path)
+    for words in commands(page):
+        given = tmp_path / words[2]
+        if given.suffix == ".laz" and not given.exists():
+            shutil.copy(strip, given)
         done = subprocess.run(
-            [sys.executable, "-m", "streamseg", *words[1:]], cwd=tmp_path, capture_output=True, text=True
+            [sys.executable, "-W", "error", "-m", *words], cwd=tmp_path, capture_output=True, text=True
         )
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-    assert (tmp_path / "labelled.png").stat().st_size > 1000
+        assert done.returncode == 0, f"{shlex.join(words)}: {done.stderr}"
+        pictures = [tmp_path / word for word in words if word.endswith(".png")]
+        assert all(picture.stat().st_size > 1000 for picture in pictures)
+
+
+def test_the_pages_show_commands() -> None:
+    told = {words[1] for words in commands(ROOT / "README.md")}
+    assert told >= {"segment", "resolve", "info", "preview", "verify", "export"}
+    assert sum(bool(commands(page)) for page in PAGES) >= 5
 
 
 def test_the_readme_has_a_command_for_every_segmentor(tmp_path: Path) -> None:
@@ -75,6 +109,12 @@ def test_exactness_is_what_the_table_says() -> None:
         segmentor = eval(code, known)
         assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0))) == by_width, code
         assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByCount(50))) == in_stream_order, code
+        if code != "your_own":
+            assert in_words(ss.stream(cloud, segmentor, spans=ss.SpanByCount(50), revisit=True)) == (
+                by_width if by_width.endswith("identical") else in_stream_order
+            ), code
+        if in_stream_order == "A":
+            assert in_words(ss.stream(iter([cloud]), segmentor, revisit=True)) == "A, identical", code
     running = ss.StatisticalOutlierRemoval(statistics="running")
     for segmentor in (ss.Proximity(1.0, graph="radius"), ss.Dbscan(1.0), ss.RegionGrowing(search_radius=1.0)):
         preprocessed = in_words(ss.stream(cloud, segmentor, spans=ss.SpanByWidth(50.0), preprocess=ss.VoxelGrid(1.0)))

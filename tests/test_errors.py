@@ -52,11 +52,12 @@ PARAMETERS: dict[str, tuple[Call, str]] = {
     ),
     "spans": (
         lambda: ss.stream(POINTS, NEAR, spans=50.0),  # type: ignore[arg-type]
-        "spans is 50.0, allowed: SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine",
+        "spans is 50.0, allowed: 'auto', SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine or a Plan",
     ),
     "spans of a class": (
         lambda: ss.stream(POINTS, NEAR, spans=ss.SpanByCount),  # type: ignore[arg-type]
-        "spans is <class 'streamseg.SpanByCount'>, allowed: SpanByWidth, SpanByCount, SpanByTime or SpanByScanLine",
+        "spans is <class 'streamseg.SpanByCount'>, allowed: 'auto', SpanByWidth, SpanByCount, SpanByTime, "
+        "SpanByScanLine or a Plan",
     ),
 }
 

@@ -160,17 +160,6 @@ def test_a_run_that_is_killed_leaves_all_but_the_part_under_way(tmp_path: Path) 
     assert all(np.all(segments == 1) for _, segments in past.resolve())
 
 
-def test_a_history_from_before_there_were_limits_is_read(folder: Path, tmp_path: Path) -> None:
-    final = resolve(folder)
-    manifest = json.loads((folder / "manifest.json").read_text())
-    for option in ("min_segment_size", "max_segment_size", "sort"):
-        del manifest["parameters"][option]
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    shutil.rmtree(folder / "seedless")
-    assert np.array_equal(resolve(folder), final)
-    assert len(ss.History(folder).to_csv(tmp_path / "csv")) == 4
-
-
 def spoil_manifest(text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / "manifest.json").write_text(text)
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import streamseg as ss
+from reference.consumer import ids_of
 from reference.partition import same
 from reference.roster import OURS, Promise, houses
 
@@ -75,9 +76,8 @@ def test_a_measured_cloud_too(forest: Path, name: str) -> None:
             forest, FOREST[name], spans=ss.SpanByWidth(15.0, direction), result="final", with_points=False
         ) as run:
             assert run.is_identical
-            labels = np.empty(37_657, np.int64)
-            for span in run:
-                labels[span.point_ids] = span.segment_ids
+            labels = ids_of(run)
+        assert len(labels) == 37_657
         return labels
 
     first, *others = map(run, ("x", "y", 30.0, -65.0, 180.0))

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import streamseg as ss
+from reference.consumer import ids_of
 from reference.partition import same
 
 # Some of the budgets tried are smaller than what reading takes.
@@ -64,9 +65,7 @@ def test_the_partition_does_not_depend_on_the_budget(
     cloud = CLOUD[:, [1, 0, 2]] if swapped else CLOUD
     with ss.stream(cloud, segmentor, max_memory=budget, threads=threads, result="final") as run:
         assert run.is_identical
-        labels = np.full(len(cloud), -2)
-        for span in run:
-            labels[span.point_ids] = span.segment_ids
+        labels = ids_of(run)
     assert same(labels, static[repr(segmentor)])
 
 
@@ -202,8 +201,11 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
     [
         (["info", "line.npy", "--distance", 1], "--distance 1 is given without --plan, allowed: FILE only"),
         (["info", "line.npy", "--plan"], "--method proximity needs --distance"),
-        (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "--spans is given with --plan, allowed: none"),
-        (["info", "line.npy", "--plan", "--distance", 1, "--span-width", 3], "--span-width is '3' with --plan"),
+        (["info", "line.npy", "--plan", "--distance", 1, "--spans", 3], "streamseg: --spans is given with --plan"),
+        (
+            ["info", "line.npy", "--plan", "--distance", 1, "--span-width", 3],
+            "streamseg: --span-width is given with --plan",
+        ),
         (["info", "line.npy", "--plan", "--distance", 1, "--wide"], "No such option: --wide"),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "wide"],
@@ -211,11 +213,11 @@ def test_info_explains_the_plan(run: Callable[..., subprocess.CompletedProcess[s
         ),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--span-width", "auto", "--direction", "y"],
-            "--direction is given with --span-width auto",
+            "streamseg: --direction is given with --span-width auto",
         ),
         (
             ["segment", "line.npy", "o.npy", "--distance", 1, "--max-memory", "1GB", "--spans", 4],
-            "window is Window(spans=4, overlap=1) with a plan",
+            "streamseg: --spans is given with --max-memory, which chooses it; leave it out",
         ),
     ],
 )

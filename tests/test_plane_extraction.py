@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import streamseg as ss
 from reference.clouds import LatticeCloud
+from reference.consumer import ids_of
 from reference.partition import agreement, same
 from reference.plane_extraction import Extraction, adjust
 
@@ -175,9 +176,7 @@ def test_a_plane_whose_middle_is_released_is_one_segment_per_piece(seed: int) ->
     assert same(labels, twin_labels(points, segmentor, lambda sigmas: sigmas + 0.001 * abs(points[:, 0] - start)))
     for width, window in [(0.51, ss.Window(3, 1)), (0.6, ss.Window(2, 1))]:
         with ss.stream(points, segmentor, spans=ss.SpanByWidth(width), window=window, result="final") as run:
-            streamed = np.full(len(points), -1)
-            for result in run:
-                streamed[result.point_ids] = result.segment_ids
+            streamed = ids_of(run)
         assert run.is_identical
         assert same(labels, streamed)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import streamseg as ss
 from reference import density as twin
 from reference.clouds import LatticeCloud
+from reference.consumer import ids_of
 from reference.partition import same
 
 CLOUDS = [
@@ -61,10 +62,7 @@ def test_streamed_is_static(data: Path, name: str, distance: float, segments: in
     for width, direction in ((distance, "x"), (7.3, "y"), (40.0, 30.0)):
         with ss.stream(data / name, segmentor, spans=ss.SpanByWidth(width, direction), result="final") as run:
             assert "equal to the static result" in run.promise
-            spans = list(run)
-        labels = np.empty(len(static), np.int64)
-        for span in spans:
-            labels[span.point_ids] = span.segment_ids
+            labels = ids_of(run)
         assert same(labels, static), f"width {width} along {direction}"
         assert segments is None or len(np.unique(labels)) == segments
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import streamseg as ss
 from reference import region_growing as twin
 from reference.clouds import LatticeCloud
+from reference.consumer import ids_of
 from reference.partition import agreement, same
 
 NORMALS = ["NormalX", "NormalY", "NormalZ"]
@@ -157,9 +158,7 @@ def test_without_a_radius_streamed_is_static(measured: Callable[[str], Cloud], n
     for width, direction in zip(widths, ("x", 30.0), strict=True):
         spans = ss.SpanByWidth(width, direction)
         with ss.stream(source, growing, spans=spans, threads=2, result="final", with_points=False) as run:
-            found = np.full(len(static), -9)
-            for span in run:
-                found[span.point_ids] = span.segment_ids
+            found = ids_of(run)
         assert same(found, static), f"width {width} along {direction}"
         assert run.is_proven
         again.append(run.certificate.returned_points)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import streamseg as ss
 from reference import history
 from reference.clouds import read
-from reference.consumer import take
+from reference.consumer import ids_of, take
 from reference.partition import refines, same
 
 Positions = NDArray[np.float64]
@@ -79,9 +79,7 @@ def test_a_file_in_stream_order_gives_the_static_partition(
     with ss.stream(
         data / name, segmentor, spans=spans, revisit=True, result="final", history=tmp_path, threads=2
     ) as run:
-        labels = np.full(len(static), -2)
-        for span in run:
-            labels[span.point_ids] = span.segment_ids
+        labels = ids_of(run)
     without = ss.segment(data / name, segmentor, spans=spans)
     print(f"{name}, {spans}: {segments(labels):,} segments, {segments(without):,} without revisit")
     assert same(labels, static)
@@ -140,9 +138,7 @@ def test_wide_spans_of_space_need_nothing_back(tiles: Positions) -> None:
     assert len(list(wide)) > 1
     assert wide.certificate.returned_points == 0
     narrow = ss.stream(tiles, RADIUS, spans=ss.SpanByWidth(0.5), window=ss.Window(2, 1), revisit=True, result="final")
-    labels = np.full(len(tiles), -2)
-    for span in narrow:
-        labels[span.point_ids] = span.segment_ids
+    labels = ids_of(narrow)
     assert narrow.certificate.returned_points > 0
     assert same(labels, ss.segment_static(tiles, RADIUS))
 

@@ -197,8 +197,8 @@ def test_limits_are_not_known_before_the_end() -> None:
 @pytest.mark.parametrize("result", ["carry", "history"])
 def test_an_order_needs_final_ids(result: Any) -> None:
     message = f"sort is 'descending' with result='{result}', allowed: with result='final'"
-    with Limits(sort="descending").of_every_run(), pytest.raises(ss.InvalidParameter, match=message):
-        ss.stream(np.zeros((3, 3)), ss.Proximity(1.0), result=result)
+    with pytest.raises(ss.InvalidParameter, match=message):
+        ss.stream(np.zeros((3, 3)), ss.Proximity(1.0, sort="descending"), result=result)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import streamseg as ss
 from reference import segmentor as twin
 from reference.clouds import LatticeCloud
+from reference.consumer import in_order
 from reference.partition import same
 
 CSITE3 = "isprs/CSite3.laz"
@@ -78,8 +79,7 @@ def test_in_space_streamed_is_static_and_proves_it(
     with ss.stream(data / CSITE3, ss.Proximity(2.5), spans=ss.SpanByWidth(width, direction), result="carry") as run:
         spans = list(run)
         carried = run.resolve(np.concatenate([span.segment_ids for span in spans]))
-    labels = np.empty_like(carried)
-    labels[np.concatenate([span.point_ids for span in spans])] = carried
+    labels = in_order([span.point_ids for span in spans], [carried])
     assert same(labels, static_csite3)
     assert run.is_identical
     assert run.certificate.is_complete

@@ -6,7 +6,7 @@ import contextlib
 import shutil
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +20,8 @@ from .plan import MaxMemory, Stages
 from .run import stream
 from .source import PathLike, counted, open_source
 from .stream import PATIENCE, LeftOut, Progress, Result, Stream
+
+_TWICE = "it was interrupted once more while it was being written"
 
 
 class Outcome(NamedTuple):
@@ -143,13 +145,13 @@ def segment_file(
                 run.stop(None if isinstance(early, Exception) else PATIENCE)
                 with contextlib.suppress(Exception):
                     aliases += _label(run, labels)
-        interrupt.disarm()
         progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
             if is_new_history and isinstance(failure, InvalidInput):
                 shutil.rmtree(str(history), ignore_errors=True)
             raise failure
-        points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+        with interrupt.deferred():
+            points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
@@ -187,6 +189,7 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self._asked = False
+        self._struck = False
         self._before: Any = None
 
     def __enter__(self) -> None:
@@ -197,17 +200,35 @@ class _Interrupt:
                 self._before = signal.signal(signal.SIGINT, self._note)
 
     def __exit__(self, *_: object) -> None:
-        self.disarm()
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
 
     def _note(self, *_: object) -> None:
         self._asked = True
         self.disarm()
 
+    def _strike(self, *_: object) -> None:
+        self._struck = True
+        raise KeyboardInterrupt
+
     def disarm(self) -> None:
         """Let Ctrl-C strike at once again."""
         if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-            self._before = None
+            signal.signal(signal.SIGINT, self._strike)
+
+    @contextlib.contextmanager
+    def deferred(self) -> Iterator[None]:
+        """Let a step be finished, and raise the interrupt after it; a second one ends the step."""
+        try:
+            yield
+        except Exception:
+            # What an interrupt strikes may turn it into an error of its own.
+            if self._struck:
+                raise KeyboardInterrupt(_TWICE) from None
+            raise
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(_TWICE) from None
+        self.check(None)
 
     def check(self, _: object) -> None:
         """Raise the interrupt if one was asked for."""

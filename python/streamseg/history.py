@@ -331,11 +331,12 @@ class History:
         return pyarrow.schema([(name, pyarrow.int64()) for name in _COLUMNS[table]])
 
     def _table(self, table: str, part: int) -> pyarrow.Table:
+        parquet = _parquet()
         import pyarrow
 
         path = self.folder / table / f"part-{part:06}.parquet"
         try:
-            return _parquet().read_table(path).select(_COLUMNS[table]).cast(self._schema(table))
+            return parquet.read_table(path).select(_COLUMNS[table]).cast(self._schema(table))
         except (OSError, KeyError, pyarrow.ArrowException) as error:
             raise FileError(f"{path} cannot be read, the history is damaged: {error}") from error
 

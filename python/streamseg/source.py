@@ -143,8 +143,8 @@ def _of_cloud(cloud: Cloud) -> Source:
 def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if points.size and (points.ndim != 2 or points.shape[1] != 3):
         raise InvalidInput(f"points has shape {points.shape}, expected (n, 3): x, y and z")
-    if points.dtype.kind == "b":
-        raise InvalidInput("points is an array of bool that is no array of numbers, expected shape (n, 3)")
+    if points.dtype.kind in "bc":
+        raise InvalidInput(f"points is an array of {points.dtype}, which are no coordinates, expected shape (n, 3)")
     if not isinstance(attributes, Mapping):
         given = type(attributes).__name__
         raise InvalidInput(

@@ -167,8 +167,8 @@ class Stream:
 
     @property
     def is_proven(self) -> bool:
-        """Whether the run has ended and was sure to give the static partition, with nothing left undecided."""
-        return self.is_identical and self._ended and not self._stopped and self.certificate.is_complete
+        """Whether the run has ended, without a failure, and is sure to have given the static partition."""
+        return self.is_identical and self._core.is_whole() and self.certificate.is_complete
 
     @property
     def left_out(self) -> LeftOut:
@@ -284,8 +284,8 @@ class Stream:
                 raise
             self._history = None
         ended_before, self._ended = self._ended, True
-        is_whole = not self._stopped and not ended_before
-        if self.exactness == "B" and is_whole and (undecided := self.certificate.undecided_points):
+        is_first = not ended_before and self._core.is_whole()
+        if self.exactness == "B" and is_first and (undecided := self.certificate.undecided_points):
             warn(
                 f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result "
                 "may differ from the static one there; give a search_radius, or the cloud as a file or an array"

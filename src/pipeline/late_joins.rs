@@ -48,6 +48,11 @@ impl LateJoins {
         }
     }
 
+    /// Whether edges that a window could not decide wait for later ones.
+    pub fn edges_wait(&self) -> bool {
+        matches!(self, Self::Front(_))
+    }
+
     /// Joins what a window that has just been woven decides of what it and those before it left open.
     pub fn join(&mut self, seen: &Seen<'_>, weaver: &mut Weaver, tally: &mut Tally) -> Result<()> {
         match (self, seen.frontier) {
@@ -70,8 +75,8 @@ impl LateJoins {
     /// Joins, with the last window, what waits when nothing more can come.
     pub fn finish(&mut self, last: u64, weaver: &mut Weaver, certificate: &mut Certificate) -> Result<()> {
         let Self::Front(front) = self else { return Ok(()) };
-        let joins = front.finish();
+        weaver.join_late(&front.finish(), last)?;
         certificate.decided_edges += std::mem::take(&mut certificate.undecided_edges);
-        weaver.join_late(&joins, last)
+        Ok(())
     }
 }

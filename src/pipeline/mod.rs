@@ -51,6 +51,8 @@ pub struct Pipeline {
     untold: Vec<WovenWindow>,
     failure: Option<Error>,
     finished: bool,
+    /// Whether not all that the source had may have been segmented.
+    is_cut_short: bool,
     /// When windows that are not segmented yet are given up.
     deadline: Option<Instant>,
     look_up: LookUp,
@@ -97,6 +99,7 @@ impl Pipeline {
             untold: Vec::new(),
             failure: None,
             finished: false,
+            is_cut_short: false,
             deadline: None,
             look_up: Box::new(|_| Ok(())),
             progress: Progress::default(),
@@ -131,6 +134,7 @@ impl Pipeline {
 
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
+        self.is_cut_short |= !self.finished;
         self.intake.stop();
     }
 
@@ -144,6 +148,11 @@ impl Pipeline {
     /// Whether nothing more will come out: no span and no failure.
     pub fn is_ended(&self) -> bool {
         self.finished && self.ready.is_empty() && self.failure.is_none()
+    }
+
+    /// Whether the run has ended, and all that the source had was segmented: it was not stopped, and nothing failed.
+    pub fn is_whole(&self) -> bool {
+        self.finished && !self.is_cut_short
     }
 
     /// How far the run is.
@@ -197,7 +206,7 @@ impl Pipeline {
             Ok(TakenIn::Window(window, context)) => self.segment_window(*window, context),
             Ok(TakenIn::Span) => (),
             // All that had come is still segmented; the failure is told at the very end.
-            Ok(TakenIn::End(failure)) => self.failure = failure.or(self.failure.take()),
+            Ok(TakenIn::End(failure)) => self.fail(failure),
             Ok(TakenIn::Nothing) => return false,
             Err(error) => self.give_up(Some(error)),
         }
@@ -250,7 +259,7 @@ impl Pipeline {
         let revisit = self.intake.revisit();
         let Woven { window, evicted, failure } =
             self.weaving.weave(index, &spans, context.as_ref(), look, revisit, &self.crew);
-        self.certificate += window.tally;
+        self.weaving.take_in(&window, &mut self.certificate);
         self.untold.push(window);
         self.hand_out(evicted);
         let known = self.live.back().map_or(0, |span| span.index + 1);
@@ -268,14 +277,22 @@ impl Pipeline {
     fn finish(&mut self) {
         let last = self.progress.windows.saturating_sub(1);
         let (left, failure) = self.weaving.finish(last, &mut self.certificate);
-        self.give_up(failure);
+        self.fail(failure);
+        self.intake.close();
         self.hand_out(left);
         self.finished = true;
     }
 
-    /// Gives up all windows that have not been woven. The first failure is the one to be told.
-    fn give_up(&mut self, failure: Option<Error>) {
+    /// The first failure is the one to be told, when all has come out that can.
+    fn fail(&mut self, failure: Option<Error>) {
+        self.is_cut_short |= failure.is_some();
         self.failure = self.failure.take().or(failure);
+    }
+
+    /// Gives up all windows that have not been woven.
+    fn give_up(&mut self, failure: Option<Error>) {
+        self.is_cut_short = true;
+        self.fail(failure);
         self.intake.close();
         self.under_way.clear();
     }

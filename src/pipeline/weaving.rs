@@ -9,6 +9,7 @@ use super::planes::LivePlanes;
 use crate::certificate::Certificate;
 use crate::crew::Crew;
 use crate::error::{Error, Result};
+use crate::lattice::is_valid;
 use crate::look::Look;
 use crate::revisit::{Context, Revisit};
 use crate::segmentor::{Plane, Segmented, Segmentor};
@@ -55,10 +56,11 @@ impl Weaving {
     ) -> Woven {
         let begun = Instant::now();
         let Look { segmented, sights, of_context } = look;
-        let Segmented { labels, seeded, planes, mut tally, frontier, .. } = segmented;
+        let Segmented { labels, seeded, planes, undecided, mut tally, frontier } = segmented;
         tally.returned_points += of_context.len() as u64;
         if self.may_come_back_to(spans, revisit.is_some()) {
-            tally.early_decisions += labels.of_points().iter().filter(|label| **label >= 0).count() as u64;
+            let valid = spans.iter().flat_map(|span| &span.points).filter(|point| is_valid(point)).count();
+            tally.early_decisions += (valid - undecided.map_or(0, |points| points.len())) as u64;
         }
         let span_points: Vec<usize> = spans.iter().map(|span| span.len()).collect();
         let first_span = spans.first().map_or(0, |span| span.index);
@@ -113,6 +115,10 @@ impl Weaving {
     pub fn finish(&mut self, last: u64, certificate: &mut Certificate) -> (Vec<EvictedSpan>, Option<Error>) {
         let joined = self.late_joins.finish(last, &mut self.weaver, certificate);
         (self.weaver.finish(), joined.err())
+    }
+
+    pub fn take_in(&self, window: &WovenWindow, certificate: &mut Certificate) {
+        certificate.take_in(window.tally, self.late_joins.edges_wait());
     }
 
     pub fn weaver(&self) -> &Weaver {

@@ -1,8 +1,8 @@
 //! NumPy arrays to chunks and back, with the wording of everything that can be wrong with them.
 
 use numpy::{
-    AllowTypeChange, Element, IntoPyArray, PyArray2, PyArrayLike1, PyArrayLikeDyn, PyArrayMethods,
-    PyUntypedArrayMethods,
+    AllowTypeChange, Element, IntoPyArray, PyArray, PyArray2, PyArrayLike1, PyArrayLikeDyn, PyArrayMethods,
+    PyReadonlyArray, PyUntypedArrayMethods, ndarray::Dimension,
 };
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -48,6 +48,7 @@ pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
         let shape = shape.join(", ");
         return Err(InvalidInput::new_err(format!("points has shape ({shape}{comma}), expected (n, 3): x, y and z")));
     }
+    let array = aligned(&array)?;
     if array.is_c_contiguous()
         && let Ok(values) = array.as_slice()
     {
@@ -55,6 +56,17 @@ pub(super) fn positions(points: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
     }
     let view = array.as_array();
     Ok(view.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+/// The same array, or a copy whose values lie where those of its type may: a field of a packed record starts at any byte, and
+/// its stride need not be a number of values.
+pub(super) fn aligned<'py, T: Element, D: Dimension>(
+    array: &Bound<'py, PyArray<T, D>>,
+) -> PyResult<PyReadonlyArray<'py, T, D>> {
+    let py = array.py();
+    let is_aligned: bool = array.getattr(intern!(py, "flags"))?.getattr(intern!(py, "aligned"))?.extract()?;
+    let array = if is_aligned { array.clone() } else { array.call_method0(intern!(py, "copy"))?.cast_into()? };
+    Ok(array.try_readonly()?)
 }
 
 /// The values of attributes, one array per name.
@@ -66,7 +78,7 @@ fn attributes(values: &Bound<'_, PyAny>, names: &[String], points: usize) -> PyR
             let value: PyArrayLike1<'_, f64, AllowTypeChange> = value?.extract().map_err(|cause| {
                 InvalidInput::new_err(format!("{name} is no array of numbers ({cause}), expected shape (n,)"))
             })?;
-            let value: Vec<f64> = value.as_array().iter().copied().collect();
+            let value: Vec<f64> = aligned(&value)?.as_array().iter().copied().collect();
             if value.len() == points {
                 Ok(value)
             } else {

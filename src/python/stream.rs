@@ -6,7 +6,7 @@ use std::time::Duration;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-use super::arrays::{LatticeOf, chunks_of, lattice_of, read_only, real_positions, rows};
+use super::arrays::{LatticeOf, aligned, chunks_of, lattice_of, read_only, real_positions, rows};
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::finalization::PySlabCounts;
 use super::numbers::Whole;
@@ -146,6 +146,11 @@ impl PyPipeline {
         Ok(ended && self.given().is_none())
     }
 
+    /// Whether the run has ended, and all that the source had was segmented.
+    fn is_whole(&self, py: Python<'_>) -> PyResult<bool> {
+        py.detach(|| self.lock().map(|pipeline| pipeline.is_whole()))
+    }
+
     /// Asks the source for no further span; those that have come are still segmented and come out, as far as that takes
     /// no more than so many seconds.
     #[pyo3(signature = (patience = None))]
@@ -184,7 +189,7 @@ impl PyPipeline {
         ids: PyReadonlyArray1<'py, i64>,
         limits: bool,
     ) -> PyResult<Bound<'py, PyArray1<i64>>> {
-        let mut ids: Vec<i64> = ids.as_array().iter().copied().collect();
+        let mut ids: Vec<i64> = aligned(&ids)?.as_array().iter().copied().collect();
         guarded(py, || {
             let mut pipeline = self.lock()?;
             let log = pipeline.aliases();

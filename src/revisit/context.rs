@@ -26,7 +26,7 @@ struct Near {
 }
 
 /// Where the points around a window are, taken up bit by bit.
-pub(super) struct Look {
+pub(super) struct Surroundings {
     raster: Raster,
     around: FxHashSet<Cell>,
     /// The blocks that may hold such points, in order, from the one under way.
@@ -39,7 +39,7 @@ pub(super) struct Look {
     near: BTreeMap<(Cell, u64), Near>,
 }
 
-impl Look {
+impl Surroundings {
     /// A look around the cells `occupied`, at all that is stored of spans before `first_recent`, and at the spans `recent`.
     pub fn new<'a>(
         raster: Raster,

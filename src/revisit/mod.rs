@@ -12,8 +12,10 @@
 //! first window that has that one among its own holds the other too: as its own, or in its context. So the segments are
 //! the static ones, whatever the order of the spans.
 //!
-//! Memory is bounded: a context of more points than the window has itself comes in several parts, each in a window of its
-//! own over the same spans. Which points are in which part depends on the points alone, not on what is stored already.
+//! Memory is bounded for monotone relations: a context of more points than the window has itself comes in several parts, each
+//! in a window of its own over the same spans. Which points are in which part depends on the points alone, not on what is
+//! stored already. For others, which only a live stream brings here, the context has to come as a whole: all that has ever
+//! come to where the window is.
 
 mod context;
 mod raster;
@@ -31,7 +33,7 @@ use crate::segmentor::{Exactness, Plane, Segmentor};
 use crate::span::Span;
 use crate::weaver::{EvictedSpan, Returned};
 use crate::window::{Frame, Slider, Window};
-use context::{Look, Recent, by_block};
+use context::{Recent, Surroundings, by_block};
 use raster::{Blocks, Raster};
 use store::{Store, Stored};
 
@@ -53,7 +55,7 @@ pub struct Revisit {
     /// The first span that has not been in a window.
     next_span: u64,
     /// What is still to be brought back for the last window.
-    under_way: Option<(Look, Frame)>,
+    under_way: Option<(Surroundings, Frame)>,
     room: usize,
 }
 
@@ -107,7 +109,7 @@ impl Revisit {
     }
 
     /// A look around the new spans of a window.
-    fn look_around(&mut self, frame: &Frame) -> Look {
+    fn look_around(&mut self, frame: &Frame) -> Surroundings {
         let own = &frame.spans[frame.own.clone()];
         let new: Vec<&Arc<Span>> = own.iter().filter(|span| span.index >= self.next_span).collect();
         let first_own = own.first().map_or(0, |span| span.index);
@@ -122,14 +124,14 @@ impl Revisit {
             occupied = self.raster.occupied(own.iter().flat_map(|span| &span.points));
         }
         let earlier = self.recent.iter().take_while(|recent| recent.span.index < first_own);
-        let look = Look::new(self.raster, blocks, &occupied, earlier, first_recent);
+        let look = Surroundings::new(self.raster, blocks, &occupied, earlier, first_recent);
         self.next_span = own.last().map_or(self.next_span, |span| span.index + 1);
         self.recent
             .extend(new.into_iter().map(|span| Arc::new(Recent { span: Arc::clone(span), raw_ids: OnceLock::new() })));
         look
     }
 
-    fn bring_back(&mut self, mut look: Look, frame: &Frame) -> Result<Context> {
+    fn bring_back(&mut self, mut look: Surroundings, frame: &Frame) -> Result<Context> {
         let points: usize = frame.spans.iter().map(|span| span.len()).sum();
         let room = if self.is_monotone { points.max(self.room) } else { usize::MAX };
         let context = look.take(&self.store, room)?;

@@ -66,8 +66,8 @@ impl Exactness {
     /// The spans for a stored cloud if nothing else is asked for.
     pub fn default_spans(self, layout: Option<Layout>) -> SpanBy {
         let by_width = |width| SpanBy::Width { width, direction: Direction::X };
-        // Spans narrower than the halo would be loaded over and over.
-        let halo = if let Halo::Length(halo) = self.halo() { halo } else { 0.0 };
+        // Spans narrower than the halo, by whatever rounding, would be loaded over and over.
+        let halo = if let Halo::Length(halo) = self.halo() { 1.01 * halo } else { 0.0 };
         match (self.reach(), layout) {
             (reach, _) if reach > 0.0 && reach.is_finite() => by_width(halo.max(REACHES_PER_SPAN * reach)),
             (_, Some(Layout { points, extent })) if extent > 0.0 && points > POINTS_PER_SPAN as u64 => {

@@ -27,6 +27,12 @@ def in_order(point_ids: list[Ids], values: list[Ids]) -> Ids:
     return ordered
 
 
+def ids_of(spans: Iterable[ss.Span]) -> Ids:
+    """Segment ids of all points, which come once each, in the order of the point ids."""
+    taken = [(span.point_ids, span.segment_ids) for span in spans]
+    return in_order([point_ids for point_ids, _ in taken], [segment_ids for _, segment_ids in taken])
+
+
 class Follower:
     """Takes carried ids as they come, and knows of late joins only what the spans' aliases say."""
 

@@ -18,8 +18,8 @@ from ..files import resolve_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from . import interrupt, wording
-from .arguments import INTERNAL, WRONG, Inputs, Output, Overwrite
+from . import interrupt, methods, wording
+from .arguments import INTERNAL, MOST, WRONG, Inputs, InToOut, Output, Overwrite
 from .plan import explained
 from .segment import segment
 from .verify import verify
@@ -33,7 +33,7 @@ app = typer.Typer(
 )
 
 
-app.command()(segment)
+app.command(cls=InToOut)(segment)
 app.command()(verify)
 
 
@@ -44,7 +44,7 @@ class Shade(str, Enum):
     height = "height"
 
 
-@app.command()
+@app.command(cls=InToOut)
 def resolve(
     history: Annotated[Path, typer.Argument(metavar="HISTORY", help="Folder of the history of a run over IN.")],
     inputs: Inputs,
@@ -89,7 +89,8 @@ def preview(
     overwrite: Overwrite = False,
 ) -> None:
     """Draw LABELLED from above, neighboring segments in different colors."""
-    drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite)
+    with wording.called(size="--size"):
+        drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite)
     typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
 
 
@@ -107,8 +108,8 @@ def export(
 @app.command()
 def demo(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to leave what it makes.")] = Path("demo"),
-    points: Annotated[int, typer.Option(min=1000, help="Points of the scene.")] = 600_000,
-    seed: Annotated[int, typer.Option(min=0, help="Which scene.")] = 7,
+    points: Annotated[int, typer.Option(min=1000, max=MOST, help="Points of the scene.")] = 600_000,
+    seed: Annotated[int, typer.Option(min=0, max=MOST, help="Which scene.")] = 7,
 ) -> None:
     """Make a scene, segment it as a stream, and leave what there is to look at in DIR."""
     from ..demo import run
@@ -141,7 +142,11 @@ def _warn(
     line: str | None = None,
 ) -> None:
     if issubclass(category, StreamsegWarning):
-        typer.echo(f"streamseg: warning: {message}", err=True)
+        typer.echo(f"streamseg: warning: {_as_typed(message)}", err=True)
+
+
+def _as_typed(message: object) -> str:
+    return wording.as_typed(str(message), methods.PARAMETERS)
 
 
 def _give_memory_back() -> None:
@@ -159,15 +164,18 @@ def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
     _give_memory_back()
     warnings.showwarning = _warn
-    interrupt.listen()
     try:
+        interrupt.listen()
         app()
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if (stop := interrupt.behind(error)) is not None:
+            typer.echo("; ".join(["streamseg: interrupted", *stop.args]), err=True)
+            sys.exit(interrupt.status())
         if (told := wording.of_plugin(error)) is not None:
             typer.echo(f"streamseg: {told}", err=True)
             sys.exit(INTERNAL)
         if not isinstance(error, StreamsegError):
             raise
-        typer.echo(f"streamseg: {wording.as_typed(str(error))}", err=True)
+        typer.echo(f"streamseg: {_as_typed(error)}", err=True)
         sys.exit(WRONG)
     sys.exit(INTERNAL)

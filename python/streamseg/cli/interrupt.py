@@ -5,6 +5,8 @@ from __future__ import annotations
 import signal
 from types import FrameType
 
+import typer
+
 _ALIKE = ("SIGTERM", "SIGHUP")
 
 _received = [int(signal.SIGINT)]
@@ -12,10 +14,18 @@ _received = [int(signal.SIGINT)]
 
 def listen() -> None:
     """Treat signals that ask to end like Ctrl-C; those that are ignored, as below nohup, stay ignored."""
+    _received[1:] = []
     for name in _ALIKE:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _as_ctrl_c)
+
+
+def behind(error: BaseException | None) -> KeyboardInterrupt | None:
+    """Find the interrupt that a command ended with: typer makes it an exit."""
+    while isinstance(error, (SystemExit, typer.Exit)):
+        error = error.__cause__ or error.__context__
+    return error if isinstance(error, KeyboardInterrupt) else None
 
 
 def status() -> int:

@@ -18,6 +18,7 @@ from .._core import (
 )
 from ..errors import InvalidParameter
 from ..plugins import plugin, plugin_names
+from .wording import called
 
 
 class Method(NamedTuple):
@@ -73,6 +74,9 @@ OPTIONS = {
     "--sort": "sort",
     "--normals": "normals",
 }
+
+# Parameter → option.
+PARAMETERS = {name: option for method in METHODS.values() for option, name in {**method.options, **OPTIONS}.items()}
 
 
 def given(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -133,6 +137,11 @@ def lengths(option: str, text: str | None) -> float | tuple[float, ...] | None:
     return numbers[0] if len(numbers) == 1 else numbers
 
 
+@called(
+    **dict.fromkeys(("k", "multiplier", "dialect"), "--outliers"),
+    **dict.fromkeys(("radius", "min_neighbors"), "--lonely"),
+    size="--voxel",
+)
 def stages(outliers: str | None, lonely: str | None, voxel: float | None) -> list[Any]:
     """Make the steps before the segmentor, in the order in which they make sense."""
     made: list[Any] = []

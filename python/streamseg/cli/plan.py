@@ -8,37 +8,23 @@ from typing import Any
 
 import typer
 
-from ..errors import InvalidParameter
 from ..plan import plan
-from ..threads import cores
-from . import methods
+from ..threads import checked_threads, cores
+from .choice import chosen
 from .segment import segment
-
-# What the plan chooses.
-_CHOSEN = ("span_count", "span_time", "span_lines", "spans", "overlap")
 
 
 def explained(file: Path, words: list[str]) -> Iterator[tuple[str, str]]:
     """Explain the plan for segmenting a file with these options: a label and what there is to say, line by line."""
     options = _parsed(file, words)
-    for name in _CHOSEN:
-        if options[name] is not None:
-            raise InvalidParameter(
-                f"--{name.replace('_', '-')} is given with --plan, allowed: none; the plan chooses it"
-            )
-    if options["span_width"] not in (None, "auto"):
-        raise InvalidParameter(f"--span-width is '{options['span_width']}' with --plan, allowed: auto, or none")
-    segmentor = methods.segmentor(options["method"], methods.given(options), options["settings"] or ())
-    chosen = plan(
+    choice, threads = chosen(options, planner="--plan"), checked_threads(options["threads"])
+    made = plan(
         file,
-        segmentor,
-        options["max_memory"],
-        preprocess=methods.stages(options["outliers"], options["lonely"], options["voxel"]),
-        drop_invalid=options["drop_invalid"],
+        **{name: choice[name] for name in ("segmentor", "max_memory", "preprocess", "drop_invalid")},
         with_history=options["history"] is not None,
     )
-    yield "segmentor", repr(segmentor)
-    yield from chosen.explain(options["threads"] or cores())
+    yield "segmentor", repr(choice["segmentor"])
+    yield from made.explain(threads or cores())
 
 
 def _parsed(file: Path, words: list[str]) -> Mapping[str, Any]:

@@ -10,15 +10,14 @@ from typing import Annotated, Any
 
 import typer
 
-from .._core import Recipe, SpanByCount, SpanByScanLine, SpanByTime, SpanByWidth, Window, default_spans
-from ..cutting import Spans
 from ..errors import InvalidParameter
 from ..files import Outcome, segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from . import interrupt, methods
+from . import methods
 from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
+from .choice import chosen
 
 
 class Result(str, Enum):
@@ -107,7 +106,9 @@ def segment(
         str | None,
         _of(_SPANS, "Spans of this width; auto: as the memory allows. [default: 20 x how far neighbors can be]"),
     ] = None,
-    direction: Annotated[str, _of(_SPANS, "x, y or an azimuth in degrees, for --span-width.")] = "x",
+    direction: Annotated[
+        str | None, _of(_SPANS, "x, y or an azimuth in degrees, for --span-width. [default: x]")
+    ] = None,
     span_count: Annotated[int | None, _of(_SPANS, "Spans of so many points, in file order.", max=MOST)] = None,
     span_time: Annotated[float | None, _of(_SPANS, "Spans of so many seconds of gps_time.")] = None,
     span_lines: Annotated[int | None, _of(_SPANS, "Spans of so many scan lines.", max=MOST)] = None,
@@ -135,8 +136,7 @@ def segment(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
-    options = locals()
-    segmentor = methods.segmentor(method, methods.given(options), settings or ())
+    choice = chosen(locals())
     if preview is not None:
         check_preview(preview, overwrite, [*inputs, output])
         if output.suffix.lower() == ".npy":
@@ -147,16 +147,9 @@ def segment(
         outcome = segment_file(
             inputs,
             output,
-            segmentor,
-            preprocess=methods.stages(outliers, lonely, voxel),
-            spans=_spans(segmentor, span_width, direction, span_count, span_time, span_lines),
-            window=_window(spans, overlap),
-            max_memory=max_memory,
-            revisit=revisit,
+            **choice,
             history=history,
             result=result.value,
-            threads=threads,
-            drop_invalid=drop_invalid,
             overwrite=overwrite,
             on_read=bars.on_read,
             on_progress=bars.on_progress,
@@ -164,7 +157,7 @@ def segment(
             on_open=bars.on_open,
         )
     if not quiet:
-        _summarize(outcome, segmentor, output, history, result)
+        _summarize(outcome, choice["segmentor"], output, history, result)
     if preview is not None:
         draw_preview(output, preview, overwrite=overwrite)
         say(f"picture in {preview}", quiet)
@@ -182,9 +175,9 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         kept = _written_at(output) != before
         left = f"the points segmented before that are in {output}"
         if isinstance(failure, KeyboardInterrupt):
-            nothing = f"{output} has not been written, because no window had been segmented yet"
-            typer.echo(f"streamseg: interrupted; {left if kept else nothing}", err=True)
-            raise typer.Exit(interrupt.status()) from None
+            why = str(failure) or "no window had been segmented yet"
+            nothing = f"{output} has not been written, because {why}"
+            raise KeyboardInterrupt(left if kept else nothing) from None
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
         raise
@@ -192,58 +185,6 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
 
 def _written_at(output: Path) -> int | None:
     return output.stat().st_mtime_ns if output.exists() else None
-
-
-def _spans(
-    segmentor: Any,
-    width_text: str | None,
-    direction: str,
-    count: int | None,
-    seconds: float | None,
-    lines: int | None,
-) -> Spans | None:
-    given = {"--span-width": width_text, "--span-count": count, "--span-time": seconds, "--span-lines": lines}
-    chosen = [name for name, value in given.items() if value is not None]
-    if direction != "x" and chosen not in ([], ["--span-width"]):
-        raise InvalidParameter(f"--direction is given with {chosen[0]}, allowed: with --span-width")
-    if len(chosen) > 1:
-        raise InvalidParameter(f"{' and '.join(chosen)} are given, allowed: one of {', '.join(given)}")
-    if count is not None:
-        return SpanByCount(count)
-    if seconds is not None:
-        return SpanByTime(seconds)
-    if lines is not None:
-        return SpanByScanLine(lines)
-    if width_text is None and direction == "x":
-        return None
-    if width_text == "auto":
-        if direction != "x":
-            raise InvalidParameter("--direction is given with --span-width auto, which chooses it; leave it out")
-        return "auto"
-    width = None if width_text is None else _width(width_text)
-    try:
-        azimuth: str | float = float(direction)
-    except ValueError:
-        azimuth = direction
-    if width is None:
-        usual = default_spans(Recipe(segmentor, [], [], True), None, None)
-        if not isinstance(usual, SpanByWidth):
-            raise InvalidParameter(
-                f"--direction is {direction} without --span-width, allowed: with one for {segmentor!r}"
-            )
-        width = usual.width
-    return SpanByWidth(width, azimuth)
-
-
-def _window(spans: int | None, overlap: int | None) -> Window | None:
-    return None if spans is None and overlap is None else Window(spans, overlap)
-
-
-def _width(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise InvalidParameter(f"--span-width is '{text}', allowed: a number above 0, or auto") from None
 
 
 def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:

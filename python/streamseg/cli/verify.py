@@ -9,12 +9,11 @@ import typer
 
 from ..progress import ProgressBars
 from ..verification import verify as verify_run
-from . import methods
+from . import methods, wording
 from .arguments import DIFFERENT, WRONG, Inputs, say
-from .segment import _spans, _window, segment
+from .choice import chosen
+from .segment import segment
 
-_AS_THEY_ARE = ("max_memory", "threads", "drop_invalid", "revisit")
-_CUTS = ("span_width", "direction", "span_count", "span_time", "span_lines")
 _OF_OUTPUT = {"output", "result", "history", "preview", "overwrite"}
 
 
@@ -23,18 +22,9 @@ def verify(inputs: Inputs, **options: Any) -> None:
 
     Exit status 0 if they are identical, 3 if they are not.
     """
-    segmentor = methods.segmentor(options["method"], methods.given(options), options["settings"] or ())
     with ProgressBars(enabled=not options["quiet"]) as bars:
-        verification = verify_run(
-            inputs,
-            segmentor,
-            preprocess=methods.stages(options["outliers"], options["lonely"], options["voxel"]),
-            spans=_spans(segmentor, *(options[name] for name in _CUTS)),
-            window=_window(options["spans"], options["overlap"]),
-            **{name: options[name] for name in _AS_THEY_ARE},
-            on_progress=bars.on_progress,
-        )
-    say(str(verification), options["quiet"])
+        verification = verify_run(inputs, **chosen(options), on_progress=bars.on_progress)
+    say(wording.as_typed(str(verification), methods.PARAMETERS), options["quiet"])
     if not verification.is_identical:
         raise typer.Exit(DIFFERENT)
     if verification.damage is not None:

@@ -2,41 +2,49 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import traceback
+from collections.abc import Iterator, Mapping
 
-# Parameters whose options are called otherwise.
-_OPTIONS = {
-    "width": "--span-width",
-    "points": "--span-count",
-    "seconds": "--span-time",
-    "lines": "--span-lines",
-    "size": "--voxel",
-    "radius": "--lonely",
-    "min_neighbors": "--lonely",
-    "multiplier": "--outliers",
-    "dialect": "--outliers",
-    "angle_deg": "--angle",
-    "min_angle_deg": "--angle",
-    "min_segment_size": "--min-size",
-    "max_segment_size": "--max-size",
-}
-_SAME = (
-    *("distance", "graph", "metric", "eps", "min_points", "search_radius", "search_mode", "max_distance", "max_sigma"),
-    *("tile_size", "k", "curvature", "max_curvature", "residual", "normals", "sort", "direction", "spans", "overlap"),
-    *("threads", "history"),
-)
-_ALL = {**{name: f"--{name.replace('_', '-')}" for name in _SAME}, **_OPTIONS}
+from ..errors import InvalidParameter
+from ..stream import Stream
+
+# Parameters of runs that are refused only when something runs, and the voxels that are too small for a cloud.
+_OF_RUNS = ("spans", "overlap", "direction", "max_memory", "threads", "history")
+_BY_HAND = {**{name: f"--{name.replace('_', '-')}" for name in _OF_RUNS}, "size": "--voxel"}
+
+# As much of a number as the core shows.
 _LONGEST_NUMBER = 40
 
 
-def as_typed(message: str) -> str:
-    """Name the option that was typed where a message begins with the name of a parameter."""
-    name, *rest = re.split(r"(?= (?:is|and) )", message, maxsplit=1)
-    if name in _ALL and rest:
-        message = _ALL[name] + "".join(rest)
-        message = re.sub(r"\b[a-z]+(?:_[a-z]+)+\b", lambda found: _ALL.get(found[0], found[0]), message)
-    return re.sub(rf"\d{{{_LONGEST_NUMBER},}}", lambda found: f"{found[0][:10]}… ({len(found[0])} digits)", message)
+@contextlib.contextmanager
+def called(**options: str) -> Iterator[None]:
+    """Name the options for the parameters, where what is done within refuses one: ``called(width="--span-width")``."""
+    try:
+        yield
+    except InvalidParameter as error:
+        raise type(error)(_renamed(str(error), options)) from None
+
+
+def as_typed(message: str, options: Mapping[str, str]) -> str:
+    """Name the options that are typed, which are given by their parameters, and those of runs."""
+    options = {**_BY_HAND, **options}
+    message = _renamed(message, options)
+    message = re.sub(
+        r"(?<![^\s(])[a-z]+(?:_[a-z]+)+(?=[\s,;)]|$)", lambda found: options.get(found[0], found[0]), message
+    )
+    message = re.sub(r"\b(overwrite|result|revisit)=(?:True|'(\w+)')(?: \(--\w+\))?", _assigned, message)
+    return re.sub(rf"(\d{{{_LONGEST_NUMBER}}})\d+", r"\1…", message)
+
+
+def _renamed(message: str, options: Mapping[str, str]) -> str:
+    return re.sub(r"^\w+(?= (?:is|and) )", lambda found: options.get(found[0], found[0]), message)
+
+
+def _assigned(found: re.Match[str]) -> str:
+    name, value = found.groups()
+    return f"--{name} {value}" if value else f"--{name}"
 
 
 def of_plugin(error: BaseException) -> str | None:
@@ -45,8 +53,8 @@ def of_plugin(error: BaseException) -> str | None:
     if raised_in is None:
         return None
     frames = traceback.extract_tb(error.__traceback__)
-    called = [place for place, frame in enumerate(frames) if frame.name == "_next_woven"]
-    own = traceback.format_list(frames[called[0] + 1 :] if called else frames)
+    starts = [place for place, frame in enumerate(frames) if frame.name == Stream._next_woven.__name__]
+    own = traceback.format_list(frames[starts[0] + 1 :] if starts else frames)
     name, window = raised_in
     what = "".join(traceback.format_exception_only(type(error), error)).strip()
     return f"segmentor '{name}' raised in window {window}: {what}\n{''.join(own)}".rstrip()

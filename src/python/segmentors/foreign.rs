@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyType};
 
 use crate::error::{Error, Result};
 use crate::label::{Labels, NONE};
-use crate::python::arrays::{read_only, real_positions};
+use crate::python::arrays::{aligned, read_only, real_positions};
 use crate::python::errors::InvalidParameter;
 use crate::segmentor::{Exactness, Segmented, Segmentor};
 use crate::window::Window;
@@ -148,7 +148,7 @@ impl Foreign {
             return Err(self.wrong(format!("returned labels of type {given}, expected whole numbers; -1 = none")));
         }
         let labels: PyArrayLike1<'_, i64, AllowTypeChange> = array.extract()?;
-        let labels: Vec<i64> = labels.as_array().iter().copied().collect();
+        let labels: Vec<i64> = aligned(&labels)?.as_array().iter().copied().collect();
         if let Some(position) = labels.iter().position(|&label| label < NONE) {
             let given = labels[position];
             return Err(self.wrong(format!("returned the label {given}, allowed: 0 and above, or -1 = none")));
