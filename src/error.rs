@@ -67,7 +67,9 @@ pub enum Error {
         segment_id: i64,
     },
     /// A segment is to be joined that is not known any more.
-    #[error("segment {segment_id} has gone out of scope, and was not kept to be joined later")]
+    #[error(
+        "segment {segment_id} has gone out of scope, and was not kept to be joined later; this is a defect, please report it"
+    )]
     OutOfScope {
         /// The segment's id.
         segment_id: i64,

@@ -76,6 +76,7 @@ pub mod union_find;
 pub mod weaver;
 pub mod window;
 
+mod disk;
 #[cfg(feature = "python")]
 mod python;
 mod sync;

@@ -16,8 +16,8 @@ use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
 use crate::neighborhood::{Grid, Search};
 use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
-use crate::segmentor::{Exactness, Plane, Segmented, Segmentor};
-use crate::window::Window;
+use crate::segmentor::{Exactness, Plane, Segmented, Segmentor, segment};
+use crate::window::{Halo, Window};
 
 /// The coordinates, as attributes.
 const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
@@ -44,6 +44,14 @@ pub struct Ingredients {
     pub fit: Fit,
     /// Who labels what is left.
     pub segmentor: Arc<dyn Segmentor>,
+}
+
+/// Which points of a window take part.
+#[derive(Default)]
+struct TakingPart {
+    kept: Vec<u32>,
+    /// Those about which the window does not hold all that decides whether they do, and how.
+    undecided: Vec<u32>,
 }
 
 /// Preprocessing, features, filters and a segmentor in one.
@@ -177,8 +185,8 @@ impl Recipe {
             && matches!(search, Search::Nearest { k, .. } if k <= MOST_KEPT)
     }
 
-    /// The positions of the points that take part.
-    fn taking_part(&self, window: &Window) -> Result<Option<Vec<u32>>> {
+    /// The positions of the points that take part; none if all do.
+    fn taking_part(&self, window: &Window) -> Result<Option<TakingPart>> {
         let everywhere = window.extent().is_none() || self.feature_reach() == 0.0;
         if everywhere && self.ingredients.filter.is_none() {
             return Ok(None);
@@ -188,11 +196,17 @@ impl Recipe {
         // Whoever looks at neighbors has to know that there may be more of them.
         let is_open = self.filter_computes() && matches!(self.exactness(), Exactness::WithHalo { .. });
         let may_take_part = |i: u32| is_open && !window.is_final(i);
-        let takes_part = |i: &u32| {
-            (everywhere || window.holds(&window.points()[*i as usize], 0.0))
-                && (filter.as_ref().is_none_or(|filter| filter.holds(*i as usize)) || may_take_part(*i))
-        };
-        Ok(Some((0..window.points().len() as u32).filter(takes_part).collect()))
+        let passes = |i: u32| filter.as_ref().is_none_or(|filter| filter.holds(i as usize));
+        let mut taking_part = TakingPart::default();
+        for i in 0..window.points().len() as u32 {
+            let is_held = everywhere || window.holds(&window.points()[i as usize], 0.0);
+            if is_held && (passes(i) || may_take_part(i)) {
+                taking_part.kept.push(i);
+            } else if !is_held && (self.filter_computes() || passes(i)) {
+                taking_part.undecided.push(i);
+            }
+        }
+        Ok(Some(taking_part))
     }
 
     fn mark_seeds(&self, window: &mut Window) -> Result<()> {
@@ -206,14 +220,13 @@ impl Recipe {
     /// Features, filters and segmentor, without the stages.
     fn segment_prepared(&self, mut window: Window) -> Result<Segmented> {
         self.add_columns(&mut window);
-        let kept = self.taking_part(&window)?;
+        let taking_part = self.taking_part(&window)?;
         let all = window.points().len();
-        if let Some(kept) = &kept {
+        if let Some(TakingPart { kept, .. }) = &taking_part {
             window = window.restricted(kept);
         }
         self.mark_seeds(&mut window)?;
-        let mut segmented = self.ingredients.segmentor.segment(&window)?;
-        self.check(&segmented, &window)?;
+        let mut segmented = segment(&*self.ingredients.segmentor, &window)?;
         segmented.seeded = window.seeds().map(|seeds| {
             let mut seeded = vec![false; segmented.labels.count()];
             for (&label, _) in
@@ -223,19 +236,13 @@ impl Recipe {
             }
             seeded
         });
-        if let Some(kept) = kept {
+        if let Some(TakingPart { kept, undecided }) = taking_part {
             segmented = segmented.spread(&kept, all);
+            if segmented.undecided.is_some() || !self.ingredients.stages.is_empty() {
+                segmented = segmented.leaving_open(undecided);
+            }
         }
         Ok(segmented)
-    }
-
-    fn check(&self, segmented: &Segmented, window: &Window) -> Result<()> {
-        let (given, points) = (segmented.labels.of_points().len(), window.points().len());
-        if given == points {
-            return Ok(());
-        }
-        let problem = format!("returned {given} labels for window {} of {points} points", window.index());
-        Err(Error::Labels { segmentor: self.name().into(), problem })
     }
 }
 
@@ -276,6 +283,15 @@ impl Segmentor for Recipe {
         exactness.with_halo(halo).with_reach(2.0 * displacement)
     }
 
+    /// Where there is no limit to what decides about a point, at least what the stages need is loaded, and a span beyond.
+    fn halo(&self) -> Halo {
+        let of_stages = self.ingredients.stages.iter().map(|stage| stage.halo()).filter(|halo| halo.is_finite());
+        match self.exactness().halo() {
+            Halo::SpanBeyond(length) => Halo::SpanBeyond(length + of_stages.sum::<f64>()),
+            halo => halo,
+        }
+    }
+
     fn is_concurrent(&self) -> bool {
         self.ingredients.segmentor.is_concurrent() && self.ingredients.stages.iter().all(|stage| stage.is_concurrent())
     }
@@ -284,9 +300,10 @@ impl Segmentor for Recipe {
         self.reads.clone()
     }
 
-    /// What decides about a point, if the points that are looked at are those of the cloud.
+    /// What decides about a point, if the points that are looked at are those of the cloud: after a stage, what is around
+    /// its neighbors decides whether they are there.
     fn neighborhood(&self) -> Option<Search> {
-        self.search.filter(|_| self.ingredients.stages.iter().all(|stage| stage.displacement() == 0.0))
+        self.search.filter(|_| self.ingredients.stages.is_empty())
     }
 
     fn bytes_per_point(&self) -> usize {
@@ -303,9 +320,12 @@ impl Segmentor for Recipe {
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {
-        let Preprocessed { window, successors } = apply_all(&self.ingredients.stages, window)?;
+        let Preprocessed { window, successors, undecided } = apply_all(&self.ingredients.stages, window)?;
         let segmented = self.segment_prepared(window)?;
-        Ok(if self.ingredients.stages.is_empty() { segmented } else { segmented.take(&successors) })
+        if self.ingredients.stages.is_empty() {
+            return Ok(segmented);
+        }
+        Ok(segmented.take(&successors).leaving_open(undecided))
     }
 
     fn agree(&self, a: &Plane, b: &Plane) -> bool {

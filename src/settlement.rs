@@ -5,16 +5,15 @@
 //! closings (see [`Settling`](crate::weaver::Settling)), and handed out again from the first to the last. What is left out
 //! by its size, and who is numbered anew, is a [`Selection`].
 
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
-
-use crate::error::{Error, Result};
+use crate::disk::WordFile;
+use crate::error::Result;
 use crate::label::SegmentId;
 use crate::weaver::{Aliases, Selection};
 
 /// Spans waiting for their final ids, then an iterator over them.
+#[derive(Default)]
 pub struct Settlement {
-    file: File,
+    file: WordFile,
     kept: Vec<Kept>,
     /// So many of them, the first, do not have their final ids yet.
     unsettled: usize,
@@ -45,15 +44,6 @@ pub struct Settled {
 }
 
 impl Settlement {
-    /// With nothing kept yet.
-    ///
-    /// # Errors
-    /// If no temporary file can be made.
-    pub fn new() -> Result<Self> {
-        let file = tempfile::tempfile().map_err(|e| Error::spool("written", e))?;
-        Ok(Self { file, kept: Vec::new(), unsettled: 0, end: 0, next: 0 })
-    }
-
     /// Keeps a span whose carried ids were handed out when the log stood at `settles_at`. Positions may be
     /// left out, for all points or for none.
     ///
@@ -69,13 +59,10 @@ impl Settlement {
     ) -> Result<()> {
         let (points, with_positions) = (point_ids.len(), !positions.is_empty());
         let kept = Kept { index, start: self.end, points, with_positions, settles_at };
-        let mut write = |bytes: &[u8]| {
-            self.end += bytes.len() as u64;
-            self.file.write_all(bytes).map_err(|e| Error::spool("written", e))
-        };
-        write(bytemuck::cast_slice(point_ids))?;
-        write(bytemuck::cast_slice(segment_ids))?;
-        write(bytemuck::cast_slice(positions))?;
+        self.file.write_at(kept.start, point_ids)?;
+        self.file.write_at(kept.ids_start(), segment_ids)?;
+        self.file.write_at(kept.positions_start(), positions)?;
+        self.end = kept.positions_start() + size_of_val(positions) as u64;
         self.kept.push(kept);
         self.unsettled = self.kept.len();
         Ok(())
@@ -90,37 +77,34 @@ impl Settlement {
         let mut settling = log.settling(selection);
         while let Some(kept) = self.unsettled.checked_sub(1).map(|last| &self.kept[last]) {
             settling.rewind(log, kept.settles_at, |_, _| ())?;
-            let at = kept.start + (kept.points * size_of::<i64>()) as u64;
-            let mut ids = vec![0; kept.points];
-            read_at(&mut self.file, at, bytemuck::cast_slice_mut(&mut ids)).map_err(|e| Error::spool("read", e))?;
+            let mut ids = self.file.read_at(kept.ids_start(), kept.points)?;
             settling.settle(&mut ids);
-            self.file
-                .seek(SeekFrom::Start(at))
-                .and_then(|_| self.file.write_all(bytemuck::cast_slice(&ids)))
-                .map_err(|e| Error::spool("written", e))?;
+            self.file.write_at(kept.ids_start(), &ids)?;
             self.unsettled -= 1;
         }
         Ok(())
     }
 
-    fn read(&mut self, span: usize) -> io::Result<Settled> {
+    fn read(&mut self, span: usize) -> Result<Settled> {
         let kept = &self.kept[span];
-        let mut settled = Settled {
+        let positions = if kept.with_positions { kept.points } else { 0 };
+        Ok(Settled {
             index: kept.index,
-            point_ids: vec![0; kept.points],
-            segment_ids: vec![0; kept.points],
-            positions: vec![[0.0; 3]; if kept.with_positions { kept.points } else { 0 }],
-        };
-        read_at(&mut self.file, kept.start, bytemuck::cast_slice_mut(&mut settled.point_ids))?;
-        self.file.read_exact(bytemuck::cast_slice_mut(&mut settled.segment_ids))?;
-        self.file.read_exact(bytemuck::cast_slice_mut(&mut settled.positions))?;
-        Ok(settled)
+            point_ids: self.file.read_at(kept.start, kept.points)?,
+            segment_ids: self.file.read_at(kept.ids_start(), kept.points)?,
+            positions: self.file.read_at(kept.positions_start(), positions)?,
+        })
     }
 }
 
-fn read_at(file: &mut File, at: u64, bytes: &mut [u8]) -> io::Result<()> {
-    file.seek(SeekFrom::Start(at))?;
-    file.read_exact(bytes)
+impl Kept {
+    fn ids_start(&self) -> u64 {
+        self.start + (self.points * size_of::<i64>()) as u64
+    }
+
+    fn positions_start(&self) -> u64 {
+        self.ids_start() + (self.points * size_of::<SegmentId>()) as u64
+    }
 }
 
 impl Iterator for Settlement {
@@ -132,7 +116,7 @@ impl Iterator for Settlement {
             return None;
         }
         self.next += 1;
-        Some(self.read(span).map_err(|e| Error::spool("read", e)))
+        Some(self.read(span))
     }
 }
 
@@ -145,7 +129,7 @@ mod tests {
     /// Two segments that meet late, of two points and one, and another of one point.
     fn settled(limits: SizeLimits, sort: Sort) -> Vec<Settled> {
         let mut log = Aliases::default();
-        let mut settlement = Settlement::new().unwrap();
+        let mut settlement = Settlement::default();
         log.mark_births(1);
         settlement.keep(0, &[0, 1], &[1, 2], &[[0.0; 3], [1.0; 3]], log.len()).unwrap();
         log.mark_births(3);

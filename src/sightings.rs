@@ -5,18 +5,19 @@
 //! scope are looked up in a temporary file, where that can be asked for.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
 
-use crate::error::{Error, Result};
+use rustc_hash::FxHashMap;
+
+use crate::disk::WordFile;
+use crate::error::Result;
 use crate::label::{NONE, SegmentId};
 use crate::look::Sight;
 use crate::weaver::{EvictedSpan, OutOfScope, Weaver};
 
 /// What windows have seen beyond their own spans.
 pub struct Sightings {
-    /// By span: the segment that each point was seen in, as long as it has none of its own.
-    open: BTreeMap<u64, Vec<SegmentId>>,
+    /// By span and position: the segment that a point was seen in, as long as it has none of its own.
+    open: BTreeMap<u64, FxHashMap<u32, SegmentId>>,
     gone: Option<Gone>,
 }
 
@@ -46,10 +47,12 @@ impl Sightings {
     ) -> Result<()> {
         let pairs = self.pairs(sights, first_id, evicted, weaver)?;
         weaver.join_late(&pairs, window)?;
-        let mut seen: Vec<SegmentId> = self.open.values().flatten().copied().filter(|id| *id != NONE).collect();
-        seen.sort_unstable();
-        seen.dedup();
-        weaver.await_segments(&seen);
+        if self.gone.is_none() {
+            let mut seen: Vec<SegmentId> = self.open.values().flat_map(FxHashMap::values).copied().collect();
+            seen.sort_unstable();
+            seen.dedup();
+            weaver.await_segments(&seen);
+        }
         Ok(())
     }
 
@@ -75,10 +78,13 @@ impl Sightings {
                 None => None,
             };
             for sight in sights {
-                let (seen, position) = (first_id + SegmentId::from(sight.label), sight.position as usize);
+                let (seen, position) = (first_id + SegmentId::from(sight.label), sight.position);
                 let segment_id = match &known {
-                    Some(ids) => ids.get(position).copied().filter(|id| *id != NONE),
-                    None => weaver.raw_id(span, position).or_else(|| self.note(span, position, seen)),
+                    Some(ids) => ids.get(position as usize).copied().filter(|id| *id != NONE),
+                    // Unless it has a segment of its own, it is the one in which it had been seen before.
+                    None => weaver
+                        .raw_id(span, position as usize)
+                        .or_else(|| self.open.entry(span).or_default().insert(position, seen)),
                 };
                 pairs.extend(segment_id.map(|segment_id| [segment_id, seen]));
             }
@@ -89,26 +95,17 @@ impl Sightings {
         Ok(pairs)
     }
 
-    /// Notes in which segment a point was seen; returns the one in which it had been seen before.
-    fn note(&mut self, span: u64, position: usize, seen: SegmentId) -> Option<SegmentId> {
-        let points = self.open.entry(span).or_default();
-        if points.len() <= position {
-            points.resize(position + 1, NONE);
-        }
-        Some(std::mem::replace(&mut points[position], seen)).filter(|before| *before != NONE)
-    }
-
     /// The pairs of those points that have got a segment of their own since they were seen.
     fn met(&mut self, weaver: &Weaver) -> Vec<[SegmentId; 2]> {
         let mut pairs = Vec::new();
-        for (&span, points) in &mut self.open {
-            for (position, seen) in points.iter_mut().enumerate().filter(|(_, seen)| **seen != NONE) {
-                if let Some(own) = weaver.raw_id(span, position) {
-                    pairs.push([own, std::mem::replace(seen, NONE)]);
-                }
-            }
-        }
-        self.open.retain(|_, points| points.iter().any(|seen| *seen != NONE));
+        self.open.retain(|&span, points| {
+            points.retain(|&position, &mut seen| {
+                let own = weaver.raw_id(span, position as usize);
+                pairs.extend(own.map(|own| [own, seen]));
+                own.is_none()
+            });
+            !points.is_empty()
+        });
         pairs
     }
 }
@@ -116,7 +113,7 @@ impl Sightings {
 /// The segment ids of all points that have gone out of scope, in a temporary file.
 #[derive(Debug, Default)]
 struct Gone {
-    file: Option<File>,
+    file: WordFile,
     /// Where the ids of each span end.
     ends: Vec<u64>,
 }
@@ -125,26 +122,41 @@ impl Gone {
     /// Keeps the ids of the next span.
     fn keep(&mut self, ids: &[SegmentId]) -> Result<()> {
         let end = self.ends.last().copied().unwrap_or(0);
-        let mut write = || {
-            let file = match &mut self.file {
-                Some(file) => file,
-                none => none.insert(tempfile::tempfile()?),
-            };
-            file.seek(SeekFrom::Start(end))?;
-            file.write_all(bytemuck::cast_slice(ids))
-        };
-        write().map_err(|e| Error::spool("written", e))?;
+        self.file.write_at(end, ids)?;
         self.ends.push(end + size_of_val(ids) as u64);
         Ok(())
     }
 
     /// The ids of a span; none if it is in scope or yet to come.
     fn of(&mut self, span: u64) -> Result<Option<Vec<SegmentId>>> {
-        let (Some(&end), Some(file)) = (self.ends.get(span as usize), &mut self.file) else { return Ok(None) };
+        let Some(&end) = self.ends.get(span as usize) else { return Ok(None) };
         let start = if span == 0 { 0 } else { self.ends[span as usize - 1] };
-        let mut ids = vec![NONE; (end - start) as usize / size_of::<SegmentId>()];
-        let read = file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(bytemuck::cast_slice_mut(&mut ids)));
-        read.map_err(|e| Error::spool("read", e))?;
-        Ok(Some(ids))
+        self.file.read_at(start, (end - start) as usize / size_of::<SegmentId>()).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::crew::Crew;
+    use crate::label::Labels;
+    use crate::weaver::LabelledWindow;
+
+    #[test]
+    fn a_point_far_into_a_span_that_two_segments_are_seen_to_hold_makes_them_one() {
+        for far in [false, true] {
+            let mut sightings = Sightings::new(far);
+            let mut weaver = Weaver::with_late_joins(sightings.out_of_scope());
+            let labels = &Labels::from_any(&[0, 1]);
+            let window =
+                LabelledWindow { index: 0, first_span: 0, span_points: &[2], labels, seeded: None, agrees: None };
+            weaver.weave(&window, &Crew::of_one());
+            // Memory for all points before it would not be there.
+            let sight = |label| Sight { label, span: 9, position: u32::MAX };
+            sightings.join(&[sight(0)], 1, 0, &[], &mut weaver).unwrap();
+            assert_eq!(weaver.joins(), 0);
+            sightings.join(&[sight(1)], 1, 0, &[], &mut weaver).unwrap();
+            assert_eq!(weaver.joins(), 1);
+        }
     }
 }

@@ -25,6 +25,7 @@ use streamseg::window::{Halo, Window, WindowSize};
 /// Labels everything with one label, and writes down what windows it saw.
 struct Witness {
     exactness: Exactness,
+    halo: Halo,
     seen: Mutex<Vec<[usize; 3]>>,
 }
 
@@ -37,6 +38,10 @@ impl Segmentor for Witness {
         self.exactness
     }
 
+    fn halo(&self) -> Halo {
+        self.halo
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         self.seen.lock().unwrap().push([window.own_spans().len(), window.own().len(), window.len()]);
         Ok(Labels::from_any(&vec![0; window.points().len()]).into())
@@ -46,6 +51,25 @@ impl Segmentor for Witness {
 fn window_size() -> impl Strategy<Value = WindowSize> {
     let spans = (2usize..5).prop_flat_map(|spans| (Just(spans), 1..spans));
     (spans, 0usize..120).prop_map(|((spans, overlap), room)| WindowSize::new(spans, overlap).unwrap().with_room(room))
+}
+
+/// In units of what `scaled` takes as one.
+fn halo() -> impl Strategy<Value = Halo> {
+    let length = || 0.2f64..3.0;
+    prop_oneof![
+        Just(Halo::None),
+        length().prop_map(Halo::Length),
+        Just(Halo::SpanBeyond(0.0)),
+        length().prop_map(Halo::SpanBeyond),
+    ]
+}
+
+fn scaled(halo: Halo, one: f64) -> Halo {
+    match halo {
+        Halo::None => Halo::None,
+        Halo::Length(length) => Halo::Length(length * one),
+        Halo::SpanBeyond(length) => Halo::SpanBeyond(length * one),
+    }
 }
 
 fn run(by: SpanBy, size: WindowSize, threads: usize) -> Run {
@@ -70,12 +94,25 @@ fn slow_twin(ways: &[f64], most: usize, size: WindowSize, halo: Halo) -> Vec<[us
         // Up to where the next span begins, all is known to be empty.
         let begins = |span: usize| spans[span][0] as f64;
         let ends = |span: usize| if span + 1 < spans.len() { begins(span + 1) } else { f64::INFINITY };
+        let is_within = |span: usize, length: f64| {
+            if span < first {
+                ends(span) > begins(first) - length * (1.0 + 1e-6)
+            } else {
+                begins(span) < ends(end - 1) + length * (1.0 + 1e-6)
+            }
+        };
         let is_loaded = |span: usize| match halo {
             _ if (first..end).contains(&span) => true,
             Halo::None => false,
-            Halo::Span => span + 1 == first || span == end,
-            Halo::Length(length) if span < first => ends(span) > begins(first) - length * (1.0 + 1e-6),
-            Halo::Length(length) => begins(span) < ends(end - 1) + length * (1.0 + 1e-6),
+            Halo::Length(length) => is_within(span, length),
+            Halo::SpanBeyond(length) => {
+                is_within(span, length)
+                    || if span < first {
+                        span + 1 == first || is_within(span + 1, length)
+                    } else {
+                        span == end || is_within(span - 1, length)
+                    }
+            }
         };
         (0..spans.len()).filter(|&span| is_loaded(span)).map(|span| among(&spans[span])).sum::<usize>()
     };
@@ -112,22 +149,18 @@ proptest! {
         steps in 1i64..12,
         size in window_size(),
         most in 0usize..40,
-        halo in prop_oneof![Just(0.0), 0.2f64..3.0, Just(f64::INFINITY)],
+        halo in halo(),
     ) {
         // Between the slabs' borders, so that no rounding decides where a point is.
         let points = survey.told(&cloud);
         let width = (steps as f64 + 0.25) * survey.unit;
         let reach = width;
-        let exactness = Exactness::WithHalo { reach, halo: halo * width };
-        let witness = Arc::new(Witness { exactness, seen: Mutex::default() });
+        let exactness = Exactness::WithHalo { reach, halo: 0.0 };
+        let witness = Arc::new(Witness { exactness, halo: scaled(halo, width), seen: Mutex::default() });
         let by = SpanBy::Slabs { width, direction: Direction::X, points: most };
         stream(&points, survey.lattice, witness.clone(), &run(by, size, 1));
         let seen = witness.seen.lock().unwrap().clone();
         let ways: Vec<f64> = points.iter().map(|point| survey.lattice.real(point)[0] / width).collect();
-        let halo = match exactness.halo() {
-            Halo::Length(length) => Halo::Length(length / width),
-            halo => halo,
-        };
         prop_assert_eq!(&seen, &slow_twin(&ways, most, size, halo));
         for (window, next) in seen.iter().zip(seen.iter().skip(1).map(Some).chain([None])) {
             prop_assert!(window[2] <= size.room().unwrap() || window[0] <= size.spans(), "{:?} then {:?}", window, next);
@@ -141,18 +174,19 @@ proptest! {
         steps in 1i64..12,
         size in window_size(),
         most in 0u64..40,
-        halo in prop_oneof![Just(0.0), 0.2f64..3.0, Just(f64::INFINITY)],
+        halo in halo(),
         along_y: bool,
     ) {
         let points = survey.told(&cloud);
         let reach = steps as f64 * survey.unit;
-        let exactness = Exactness::WithHalo { reach, halo: halo * reach };
-        let witness = Arc::new(Witness { exactness, seen: Mutex::default() });
+        let exactness = Exactness::WithHalo { reach, halo: 0.0 };
+        let halo = scaled(halo, reach);
+        let witness = Arc::new(Witness { exactness, halo, seen: Mutex::default() });
         let census = census(&points, &survey.lattice, reach);
         let counts = &census.counts()[usize::from(along_y)];
         let by = SpanBy::Slabs { width: counts.width(), direction: counts.direction(), points: most as usize };
         stream(&points, survey.lattice, witness.clone(), &run(by, size, 1));
-        let planned: Vec<[usize; 3]> = windows(counts, most, size, exactness.halo())
+        let planned: Vec<[usize; 3]> = windows(counts, most, size, halo)
             .iter()
             .map(|window| [window.spans, window.own as usize, window.loaded as usize])
             .collect();

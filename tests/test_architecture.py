@@ -55,7 +55,7 @@ def test_the_table_names_only_what_there_is() -> None:
     [
         (r"\bspade::", {"neighborhood/delaunay/*"}),
         (r"\bpest(_derive)?::", {"expression/*"}),
-        (r"\brusqlite::", {"revisit/store.rs", "weaver/ledger.rs"}),
+        (r"\brusqlite::", {"disk/database.rs", "revisit/store.rs", "weaver/ledger.rs"}),
         (r"\bpyo3::|\bnumpy::", {"python/*", "python/*/*"}),
         (r"\bAtomic\w+", {"sync.rs", "weaver/point_segment.rs", "weaver/segment_segment.rs"}),
         (r"\brayon::", {"crew.rs"}),

@@ -118,7 +118,7 @@ def test_what_memory_cannot_hold_is_told_in_one_sentence() -> None:
         labels = ss.segment(dense, ss.Proximity(1.0), max_memory="82MB")
     (warning,) = caught
     needed = re.fullmatch(
-        r"the densest place needs windows of 50,000 points and about (\d+) MB, more than the max_memory of 82 MB; "
+        r"the densest place needs windows of 50,000 points and a budget of about (\d+) MB, some of it in reserve, more than the max_memory of 82 MB; "
         "give at least that, or a smaller distance",
         str(warning.message),
     )

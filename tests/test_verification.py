@@ -311,7 +311,7 @@ def test_of_streams_that_come_back_it_is_known_what_was_decided_too_early() -> N
     assert not found.is_identical
     assert found.certificate.early_decisions
     (reason,) = found.reasons
-    assert "points were decided though more of the cloud could still come" in reason
+    assert "decisions about points were early, as more of the cloud could still come" in reason
 
 
 class Dwindling:

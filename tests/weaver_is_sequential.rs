@@ -261,7 +261,7 @@ proptest! {
             weaver.aliases().resolve(&mut ids, &selection).unwrap();
             prop_assert_eq!(&ids, &expected);
         }
-        let mut settlement = Settlement::new().unwrap();
+        let mut settlement = Settlement::default();
         for span in &evicted {
             settlement.keep(span.index, &vec![0; span.raw_ids.len()], &span.carried_ids, &[], span.settles_at).unwrap();
         }
@@ -353,6 +353,24 @@ fn threads_that_share_a_window_give_the_ids_of_one() {
     let one = woven(1);
     assert!(one.0.iter().flat_map(|span| &span.segments).any(|row: &SegmentRow| row.shared_points > 1));
     assert!((2..5).all(|threads| woven(threads) == one));
+}
+
+/// More segments than memory remembers, some of which are joined long after they have gone.
+#[test]
+fn a_long_history_with_late_joins_is_replayed() {
+    let (parts, births) = (150, 1000);
+    let mut replay = Replay::new(parts * births).with_late_joins();
+    for part in 0..parts {
+        let ids = part * births + 1..=(part + 1) * births;
+        let mut rows: Vec<[SegmentId; 2]> = ids.clone().map(|id| [id, NONE]).collect();
+        // A segment of the first part, and the first of this.
+        rows.extend((part > 0).then_some([part, *ids.start()]));
+        replay.part(&rows, &[], &mut ids.collect::<Vec<_>>()).unwrap();
+    }
+    replay.finish();
+    let mut ids: Vec<SegmentId> = (1..parts).map(|part| part * births + 1).collect();
+    replay.aliases().resolve(&mut ids, &Selection::default()).unwrap();
+    assert_eq!(ids, (1..parts).collect::<Vec<_>>());
 }
 
 /// Found by `aliases_make_carried_ids_final`: 3 has been handed out and becomes 2, which has not; when 2 becomes 1,

@@ -14,15 +14,20 @@ use std::sync::Arc;
 use clouds::{Place, Survey, cases, cloud, survey};
 use oracle::partition::{canonical, refines};
 use proptest::prelude::*;
-use streaming::{Outcome, Run, static_labels, static_labels_with, stream, stream_with};
+use streaming::{
+    Outcome, Run, chunks_of, outcome, pipeline_with, static_labels, static_labels_with, stream, stream_with,
+};
 use streamseg::expression::Filter;
 use streamseg::features::Fit;
 use streamseg::label::NONE;
 use streamseg::lattice::Lattice;
 use streamseg::neighborhood::Search;
+use streamseg::preprocessing::{
+    Dialect, RadiusOutlierRemoval, Representative, Stage, StatisticalOutlierRemoval, Statistics, VoxelGrid, measure,
+};
 use streamseg::recipe::{Ingredients, Recipe};
-use streamseg::segmentor::{Growth, RegionGrowing};
-use streamseg::span::{Direction, Source, SpanBy};
+use streamseg::segmentor::{Growth, RegionGrowing, Segmentor};
+use streamseg::span::{Direction, Source, SpanBy, spans_of};
 use streamseg::window::WindowSize;
 
 /// Clusters far from each other, single points farther still, and clouds of all other kinds.
@@ -72,11 +77,73 @@ fn width() -> impl Strategy<Value = f64> {
 }
 
 fn recipe(segmentor: RegionGrowing, filter: Option<&str>, available: &[&str]) -> Recipe {
+    recipe_after(vec![], segmentor, filter, available)
+}
+
+fn recipe_after(
+    stages: Vec<Arc<dyn Stage>>,
+    segmentor: RegionGrowing,
+    filter: Option<&str>,
+    available: &[&str],
+) -> Recipe {
     let filter = filter.map(|text| Filter::parse(text).unwrap());
     let (fit, segmentor) = (Fit::default(), Arc::new(segmentor));
-    let ingredients = Ingredients { stages: vec![], filter, seed_filter: None, fit, segmentor };
+    let ingredients = Ingredients { stages, filter, seed_filter: None, fit, segmentor };
     let available: Vec<String> = available.iter().map(ToString::to_string).collect();
     Recipe::new(ingredients, &available, false).unwrap()
+}
+
+/// A stage of preprocessing, with lengths in steps of the lattice.
+#[derive(Debug, Clone, Copy)]
+enum Step {
+    Radius(f64, usize),
+    /// Judged by the cloud's own statistics.
+    Measured(StatisticalOutlierRemoval),
+    /// Judged by those of another cloud.
+    Given(StatisticalOutlierRemoval, f64),
+    Voxels(f64, Representative),
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let length = || prop::sample::select(vec![0.7, 1.5, 4.0, 12.0, 80.0]);
+    let dialect = prop::sample::select(vec![Dialect::Pcl, Dialect::Pdal, Dialect::Open3d]);
+    let removal = (2usize..6, 0.0..2.5, dialect).prop_map(|(k, m, d)| StatisticalOutlierRemoval::new(k, m, d).unwrap());
+    let representative = prop::sample::select(vec![Representative::Centroid, Representative::Nearest]);
+    let step = prop_oneof![
+        (length(), 1usize..5).prop_map(|(radius, neighbors)| Step::Radius(radius, neighbors)),
+        removal.clone().prop_map(Step::Measured),
+        (removal, length()).prop_map(|(removal, mean)| Step::Given(removal, mean)),
+        (length(), representative).prop_map(|(size, representative)| Step::Voxels(size, representative)),
+    ];
+    prop::collection::vec(step, 1..3)
+}
+
+/// The stages of `steps` for a cloud.
+fn stages(steps: &[Step], points: &[[f64; 3]], survey: &Survey) -> Vec<Arc<dyn Stage>> {
+    let mut stages: Vec<Arc<dyn Stage>> = Vec::new();
+    for step in steps {
+        let stage: Arc<dyn Stage> = match *step {
+            Step::Radius(radius, neighbors) => {
+                Arc::new(RadiusOutlierRemoval::new(radius * survey.unit, neighbors).unwrap())
+            }
+            Step::Voxels(size, representative) => Arc::new(VoxelGrid::new(size * survey.unit, representative).unwrap()),
+            Step::Given(removal, mean) => {
+                let (count, mean) = (points.len() as u64, mean * survey.unit);
+                let statistics = Statistics { count, mean, deviation: 0.5 * mean, reach: None };
+                Arc::new(removal.with_statistics(statistics))
+            }
+            Step::Measured(removal) => {
+                let by = spans(Direction::X, 1e6, survey);
+                let mut open =
+                    || spans_of(chunks_of(points, &[64]).into_iter().map(Ok), by, &survey.lattice, Source::Stored);
+                let look_up = &mut || -> streamseg::survey::LookUp { Box::new(|| Ok(())) };
+                let measured = measure(removal, &stages, &mut open, survey.lattice, 1e6, 1, look_up).unwrap();
+                Arc::new(removal.with_statistics(measured))
+            }
+        };
+        stages.push(stage);
+    }
+    stages
 }
 
 /// Normals of a few directions, curvatures of a few sizes, and a class.
@@ -102,6 +169,21 @@ fn check(outcome: &Outcome, whole: &[i64]) -> Result<(), TestCaseError> {
     prop_assert_eq!(&outcome.resolved_raw, &outcome.settled);
     prop_assert_eq!(&outcome.resolved_carried, &outcome.settled);
     prop_assert_eq!(&outcome.with_aliases, &outcome.settled);
+    Ok(())
+}
+
+/// If nothing is undecided it is the static result; else what is together is right, and what is missing was counted.
+fn check_what_is_decided(outcome: &Outcome, whole: &[i64]) -> Result<(), TestCaseError> {
+    if outcome.certificate.is_complete() {
+        return check(outcome, whole);
+    }
+    let labelled: Vec<usize> = (0..whole.len()).filter(|&i| outcome.settled[i] != NONE).collect();
+    let [streamed, of_whole] =
+        [&outcome.settled[..], whole].map(|ids| labelled.iter().map(|&i| ids[i]).collect::<Vec<i64>>());
+    prop_assert!(!of_whole.contains(&NONE), "a point is labelled that has no segment");
+    prop_assert!(refines(&streamed, &of_whole), "points of two segments are joined");
+    let missing = whole.iter().filter(|id| **id != NONE).count() - labelled.len();
+    prop_assert!(missing as u64 <= outcome.certificate.undecided_points);
     Ok(())
 }
 
@@ -148,29 +230,56 @@ proptest! {
         check(&stream(&points, survey.lattice, Arc::new(by_feature), &run), &whole)?;
     }
 
+    /// After stages of preprocessing a run that looks at the nearest neighbors may leave points undecided. It counts them; and
+    /// where nothing is left, streamed = static.
+    #[test]
+    fn what_a_stage_cannot_decide_is_counted(
+        cloud in scattered(), survey in survey(), growth in growth(), size in window_size(), width in width(),
+        direction in direction(), steps in steps(), seed in any::<u64>(), kind in 0usize..4, is_limited in any::<bool>(),
+    ) {
+        let points = survey.told(&cloud);
+        let (filter, available) = [
+            (None, &[][..]),
+            (None, &GIVEN[..]),
+            (Some("Classification = 2"), &GIVEN[..]),
+            (Some("SurfaceVariation <= 0.03"), &[][..]),
+        ][kind];
+        let mut growth = growth;
+        if is_limited && let Search::Nearest { within, .. } = &mut growth.search {
+            *within = 10.0 * survey.unit;
+        }
+        let recipe =
+            recipe_after(stages(&steps, &points, &survey), RegionGrowing::new(growth).unwrap(), filter, available);
+        let mut columns = given(cloud.len(), seed);
+        columns.truncate(recipe.reads().len());
+        let whole = static_labels_with(&points, &columns, survey.lattice, &recipe);
+        let by = spans(direction, width, &survey);
+        let run = Run { by, size, source: Source::Stored, chunks: vec![7], threads: 1 };
+        let is_identical = recipe.exactness().assess(by, size, &survey.lattice).is_identical;
+        let pipeline = pipeline_with(&points, &columns, survey.lattice, Arc::new(recipe), &run);
+        let is_promised = is_identical || pipeline.looks_again();
+        let outcome = outcome(pipeline, points.len());
+        if is_promised {
+            check(&outcome, &whole)?;
+        } else if !is_limited {
+            check_what_is_decided(&outcome, &whole)?;
+        }
+    }
+
     /// From a live source not all can be decided; what is together is right, and what is missing was counted.
     #[test]
     fn a_live_source_splits_but_never_merges_and_counts_what_is_undecided(
         cloud in scattered(), survey in survey(), growth in growth(), size in window_size(), width in width(),
+        filter in prop::sample::select(vec![None, Some("SurfaceVariation <= 0.03"), Some("Z > 0")]),
     ) {
         let mut cloud = cloud;
         cloud.sort_by_key(|place| place[0]);
         let points = survey.told(&cloud);
         let by = spans(Direction::X, width, &survey);
         let run = Run { by, size, source: Source::Live, chunks: vec![7], threads: 1 };
-        let recipe = recipe(RegionGrowing::new(growth).unwrap(), None, &[]);
+        let recipe = recipe(RegionGrowing::new(growth).unwrap(), filter, &[]);
         let whole = static_labels(&points, survey.lattice, &recipe);
-        let outcome = stream(&points, survey.lattice, Arc::new(recipe), &run);
-        if outcome.certificate.is_complete() {
-            return check(&outcome, &whole);
-        }
-        let labelled: Vec<usize> = (0..cloud.len()).filter(|&i| outcome.settled[i] != NONE).collect();
-        let [streamed, of_whole] =
-            [&outcome.settled, &whole].map(|ids| labelled.iter().map(|&i| ids[i]).collect::<Vec<i64>>());
-        prop_assert!(!of_whole.contains(&NONE), "a point is labelled that has no segment");
-        prop_assert!(refines(&streamed, &of_whole), "points of two segments are joined");
-        let missing = whole.iter().filter(|id| **id != NONE).count() - labelled.len();
-        prop_assert!(missing as u64 <= outcome.certificate.undecided_points);
+        check_what_is_decided(&stream(&points, survey.lattice, Arc::new(recipe), &run), &whole)?;
     }
 
     /// Ids are the same for any number of threads and any chunks.

@@ -6,7 +6,11 @@ from typing import NamedTuple
 
 
 class Certificate(NamedTuple):
-    """What a run could prove. If nothing is undecided or early, the streamed partition is sure to be the static one."""
+    """What a run could prove.
+
+    If nothing is undecided or early, and the run promised as much (`Stream.is_identical`: its spans are wide enough), the
+    streamed partition is the static one; `Stream.is_proven` says both.
+    """
 
     decided_edges: int
     """Pairs of points decided; a pair counts in each window that decides it."""
@@ -45,7 +49,7 @@ class Certificate(NamedTuple):
             ),
             (
                 self.early_decisions,
-                "points were decided though more of the cloud could still come to where they are; "
+                "decisions about points were early, as more of the cloud could still come to where they are; "
                 "use spans by width, or revisit=True with a file or an array",
             ),
         )

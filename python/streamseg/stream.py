@@ -288,7 +288,8 @@ class Stream:
         if self.exactness == "B" and is_first and (undecided := self.certificate.undecided_points):
             warn(
                 f"{undecided:,} points were left undecided, because their neighbors were not all loaded: the result "
-                "may differ from the static one there; give a search_radius, or the cloud as a file or an array"
+                "may differ from the static one there; give a search_radius or wider spans, or the cloud as a file or an "
+                "array"
             )
 
     def _next_settled(self, settlement: Settlement) -> Span:

@@ -199,14 +199,14 @@ def _reasons(run: Stream, stages: list[Stage], *, is_in_stream_order: bool) -> l
     reasons = [run.warning] if run.warning else []
     if is_in_stream_order and not run.is_identical:
         reasons.append(_PAIRS_APART if run.exactness == "A" else _NOTHING_PROVEN)
-    reasons += run.certificate.doubts
-    if run.is_identical:
-        return reasons or [_DEFECT]
     reasons += [
         f"{stage!r} judges a point by those that came before it, so it depends on the spans"
         for stage in stages
         if getattr(stage, "statistics", None) == "running"
     ]
+    reasons += run.certificate.doubts
+    if run.is_identical:
+        return reasons or [_DEFECT]
     if run.exactness == "C" and not (is_in_stream_order or run.certificate.early_decisions):
         reasons.append(_NO_PROMISE)
     return reasons or [run.promise]

@@ -13,11 +13,11 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::nearest::{Nearest, Search, Stored};
-use super::{Look, Said, Sight, sees_beyond, segment};
+use super::{Look, Said, Sight, sees_beyond};
 use crate::error::Result;
 use crate::lattice::Lattice;
 use crate::neighborhood;
-use crate::segmentor::Segmentor;
+use crate::segmentor::{Segmentor, segment};
 use crate::span::{Archive, PointIds, Span};
 use crate::window::{Around, Window};
 

@@ -14,9 +14,9 @@ mod said;
 pub use again::LookAgain;
 pub use said::Said;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::label::{Labels, NONE};
-use crate::segmentor::{Exactness, Segmented, Segmentor};
+use crate::segmentor::{Exactness, Segmented, Segmentor, segment};
 use crate::window::Window;
 
 /// What one look at a window has shown.
@@ -52,11 +52,10 @@ pub fn look(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> 
     }
     let (own, mut sights, mut of_context) = (window.own(), Vec::new(), Vec::new());
     if own.len() < window.len() {
-        let labels = segmented.labels.clone();
-        (segmented, of_context) = segmented.keep(own.clone(), 0..brought_back);
         if sees_beyond(segmentor.exactness()) {
-            sights = self::sights(&labels, window, brought_back);
+            sights = self::sights(&segmented.labels, window, brought_back);
         }
+        (segmented, of_context) = segmented.keep(own.clone(), 0..brought_back);
     }
     if let Some(undecided) = &segmented.undecided {
         segmented.tally.waiting_points = undecided.len() as u64;
@@ -68,16 +67,6 @@ pub fn look(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> 
 /// Whether what decides about a point has no limit, so that neighbors may share no window.
 pub(crate) fn sees_beyond(exactness: Exactness) -> bool {
     matches!(exactness, Exactness::WithHalo { halo: f64::INFINITY, .. })
-}
-
-fn segment(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
-    let segmented = segmentor.segment(window)?;
-    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
-    if given == points {
-        return Ok(segmented);
-    }
-    let problem = format!("returned {given} labels for window {} of {points} points", window.index());
-    Err(Error::Labels { segmentor: segmentor.name().into(), problem })
 }
 
 /// The points of the halo that share a label with own points; their labels are numbered as those of the own points will be.

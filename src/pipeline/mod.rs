@@ -84,7 +84,7 @@ impl Pipeline {
     ) -> Self {
         let crew = if segmentor.is_concurrent() { crew } else { Crew::of_one() };
         let again = LookAgain::new(&segmentor, || spans.archive(), lattice);
-        let slider = Slider::new(size, lattice).with_halo(segmentor.exactness().halo());
+        let slider = Slider::new(size, lattice).with_halo(segmentor.halo());
         let names = segmentor.reads();
         let pipeline = Self {
             intake: Intake::new(spans, slider),

@@ -30,14 +30,21 @@ pub fn windows(counts: &Counts, most: u64, size: WindowSize, halo: Halo) -> Vec<
     let slabs = counts.slabs();
     let spans = spans(&slabs, most);
     // As the slider has it: borders may have been moved by rounding.
-    let length = if let Halo::Length(length) = halo { length * (1.0 + 1e-6) / counts.width() } else { 0.0 };
+    let in_slabs = |length: f64| length * (1.0 + 1e-6) / counts.width();
     let points = |from: usize, end: usize| spans[from..end].iter().map(|span| span.points).sum::<u64>();
+    let within = |first: usize, end: usize, length: f64| {
+        let from = spans.partition_point(|span| span.high <= spans[first].low - length);
+        (from.min(first), spans.partition_point(|span| span.low < spans[end - 1].high + length).max(end))
+    };
     let loaded = |first: usize, end: usize| match halo {
         Halo::None => points(first, end),
-        Halo::Span => points(first.saturating_sub(1), (end + 1).min(spans.len())),
-        Halo::Length(_) => {
-            let from = spans.partition_point(|span| span.high <= spans[first].low - length);
-            points(from.min(first), spans.partition_point(|span| span.low < spans[end - 1].high + length).max(end))
+        Halo::Length(length) => {
+            let (from, to) = within(first, end, in_slabs(length));
+            points(from, to)
+        }
+        Halo::SpanBeyond(length) => {
+            let (from, to) = within(first, end, in_slabs(length));
+            points(from.saturating_sub(1), (to + 1).min(spans.len()))
         }
     };
     let room = size.room().map_or(0, |room| room as u64);

@@ -46,6 +46,7 @@ pub struct Plan {
     budget: Budget,
     footprint: Footprint,
     exactness: Exactness,
+    halo: Halo,
     points: u64,
     slabs: usize,
     /// What the smallest windows would have to load at the most, along either axis.
@@ -60,7 +61,7 @@ impl Plan {
     /// If the cloud has no point.
     pub fn new(census: &Census, segmentor: &dyn Segmentor, budget: Budget, with_history: bool) -> Result<Self> {
         let exactness = segmentor.exactness();
-        let (halo, footprint) = (exactness.halo(), Footprint::of(segmentor, with_history));
+        let (halo, footprint) = (segmentor.halo(), Footprint::of(segmentor, with_history));
         let has_reach = exactness.reach() > 0.0 && exactness.reach().is_finite();
         let (least, parts) = if has_reach { (2, SPANS_WITH_REACH) } else { (3, SPANS_WITHOUT_REACH) };
         let size = WindowSize::new(least, 1)?;
@@ -79,6 +80,7 @@ impl Plan {
             budget,
             footprint,
             exactness,
+            halo,
             points: census.points(),
             slabs: counts.slabs().len(),
             smallest,
@@ -115,7 +117,7 @@ impl Plan {
     pub fn warning(&self) -> Option<String> {
         let needed = self.footprint.needed(self.most_points());
         match self.budget.bytes() {
-            budget if budget < needed => Some(words::too_dense(needed.max(READING), self)),
+            budget if budget < needed => Some(words::too_dense(needed, self)),
             budget if budget < READING => Some(words::too_little(self)),
             _ => None,
         }
@@ -149,10 +151,6 @@ impl Plan {
     /// How many windows so many threads work on at the same time.
     fn at_work(&self, threads: usize) -> usize {
         threads.min(self.at_a_time).min(self.windows.len()).max(1)
-    }
-
-    fn halo(&self) -> Halo {
-        self.exactness.halo()
     }
 }
 

@@ -10,7 +10,12 @@ impl Plan {
         let mut lines = vec![
             (
                 "points",
-                format!("{} in {} slabs, each {} wide", count(self.points), count(self.slabs as u64), self.width()),
+                format!(
+                    "{} in {} slabs, each {} wide",
+                    count(self.points),
+                    count(self.slabs as u64),
+                    short(self.width())
+                ),
             ),
             ("reach", self.reach_in_words()),
             ("halo", self.halo_in_words()),
@@ -59,10 +64,13 @@ impl Plan {
     }
 
     fn halo_in_words(&self) -> String {
-        match self.halo() {
+        match self.halo {
             Halo::None => "none: nothing beside a window has to be loaded".into(),
             Halo::Length(length) => format!("{length} on either side of a window, loaded to be looked at"),
-            Halo::Span => "a span on either side of a window: how far would be enough cannot be told".into(),
+            Halo::SpanBeyond(0.0) => "a span on either side of a window: how far would be enough cannot be told".into(),
+            Halo::SpanBeyond(length) => {
+                format!("{length} and a span on either side of a window: how far would be enough cannot be told")
+            }
         }
     }
 
@@ -98,10 +106,11 @@ pub(super) fn too_little(plan: &Plan) -> String {
 
 /// The warning that windows do not keep to the budget.
 pub(super) fn too_dense(needed: u64, plan: &Plan) -> String {
+    let advice = if needed > READING { ", or a smaller distance" } else { "" };
     format!(
-        "the densest place needs windows of {} points and about {}, more than the max_memory of {}; give at least that, or a smaller distance",
+        "the densest place needs windows of {} points and a budget of about {}, some of it in reserve, more than the max_memory of {}; give at least that{advice}",
         count(plan.most_points()),
-        bytes(needed.next_multiple_of(1_000_000)),
+        bytes(needed.max(READING).next_multiple_of(1_000_000)),
         bytes(plan.budget.bytes())
     )
 }
@@ -109,7 +118,12 @@ pub(super) fn too_dense(needed: u64, plan: &Plan) -> String {
 fn in_words(window: &PlannedWindow) -> String {
     let PlannedWindow { spans, length, own, loaded } = window;
     let halo = if loaded > own { format!(", {} with the halo", count(*loaded)) } else { String::new() };
-    format!("{} over a length of {length:.6}: {} points{halo}", plural(*spans as u64, "span"), count(*own))
+    format!("{} over a length of {}: {} points{halo}", plural(*spans as u64, "span"), short(*length), count(*own))
+}
+
+/// A length with no more digits than it needs.
+fn short(length: f64) -> f64 {
+    (length * 1e6).round() / 1e6
 }
 
 /// A number with commas between thousands.

@@ -54,9 +54,10 @@ pub trait Stage: Send + Sync {
 pub struct Preprocessed {
     /// The points that stay, or stand for others; its extent is where they are final.
     pub window: Window,
-    /// For each point that came in the number of the one that stands for it; none if it was removed, or if this window
-    /// does not hold all that decides about it.
+    /// For each point that came in the number of the one that stands for it; none if it was removed, or is undecided.
     pub successors: Vec<Option<u32>>,
+    /// The points that came in and about which this window does not hold all that decides, ascending.
+    pub undecided: Vec<u32>,
 }
 
 /// Applies `stages` one after the other.
@@ -66,17 +67,22 @@ pub struct Preprocessed {
 pub fn apply_all(stages: &[Arc<dyn Stage>], window: &Window) -> Result<Preprocessed> {
     let Some((first, others)) = stages.split_first() else {
         let successors = (0..window.points().len() as u32).map(Some).collect();
-        return Ok(Preprocessed { window: window.clone(), successors });
+        return Ok(Preprocessed { window: window.clone(), successors, undecided: vec![] });
     };
-    let Preprocessed { mut window, mut successors } = first.apply(window)?;
+    let Preprocessed { mut window, mut successors, mut undecided } = first.apply(window)?;
     for stage in others {
         let next = stage.apply(&window)?;
+        if !next.undecided.is_empty() {
+            let is_open = |of: &Option<u32>| of.is_some_and(|of| next.undecided.binary_search(&of).is_ok());
+            undecided.extend((0..).zip(&successors).filter(|(_, of)| is_open(of)).map(|(point, _)| point));
+        }
         for successor in &mut successors {
             *successor = successor.and_then(|of| next.successors[of as usize]);
         }
         window = next.window;
     }
-    Ok(Preprocessed { window, successors })
+    undecided.sort_unstable();
+    Ok(Preprocessed { window, successors, undecided })
 }
 
 /// How far around a point `stages` together depend on what is there.
@@ -86,14 +92,21 @@ pub fn total_halo(stages: &[Arc<dyn Stage>]) -> f64 {
 
 /// The points of `window` that were decided to stay.
 fn keep_where(window: &Window, stays: impl Iterator<Item = Option<bool>>, halo: f64) -> Preprocessed {
-    let kept: Vec<u32> = (0..).zip(stays).filter(|(_, stays)| *stays == Some(true)).map(|(point, _)| point).collect();
     let mut successors = vec![None; window.points().len()];
-    for (&point, successor) in kept.iter().zip(0..) {
-        successors[point as usize] = Some(successor);
+    let (mut kept, mut undecided) = (Vec::new(), Vec::new());
+    for (point, stays) in (0..).zip(stays) {
+        match stays {
+            Some(true) => {
+                successors[point as usize] = Some(kept.len() as u32);
+                kept.push(point);
+            }
+            Some(false) => (),
+            None => undecided.push(point),
+        }
     }
     let mut window = window.restricted(&kept);
     window.shrink(halo);
-    Preprocessed { window, successors }
+    Preprocessed { window, successors, undecided }
 }
 
 #[cfg(test)]

@@ -9,8 +9,8 @@
 //!
 //! A few stray points can make T larger than the cloud. So that pass also tells how far away the last neighbor of a point
 //! with d ≤ T really is ([`Reach`](super::Reach)), and no more is loaded: a point whose neighbors are not all within that
-//! has d > T, whatever it is. Of another cloud this may not be true; so that a result never depends on the windows, such a
-//! point is an outlier there too.
+//! has d > T, whatever it is. Of another cloud this may not be true, or it may have fewer points than neighbors; so that a
+//! result never depends on the windows, such a point is an outlier there too.
 //!
 //! *Running*: μ and σ are those of the points that have been decided so far, and of this window's.
 
@@ -175,9 +175,12 @@ impl GlobalOutlierRemoval {
         self.removal.threshold(&self.statistics)
     }
 
-    /// How far away the last neighbor of a point that stays is, if that was measured for this threshold.
-    fn reach(&self) -> Option<f64> {
-        self.statistics.reach.filter(|reach| self.threshold() <= reach.threshold).map(|reach| reach.length)
+    /// How far away the last neighbor of a point that stays can be: as was measured for this threshold, or as follows from it.
+    fn reach(&self) -> f64 {
+        let divisor = (self.others() + self.removal.itself()) as f64;
+        let greatest = divisor * self.threshold();
+        let measured = self.statistics.reach.filter(|reach| self.threshold() <= reach.threshold);
+        measured.map_or(greatest, |reach| reach.length.min(greatest))
     }
 }
 
@@ -187,20 +190,24 @@ impl Stage for GlobalOutlierRemoval {
     }
 
     fn halo(&self) -> f64 {
-        let divisor = (self.others() + self.removal.itself()) as f64;
-        let greatest = divisor * self.threshold();
-        HALO_SLACK * self.reach().map_or(greatest, |reach| reach.min(greatest))
+        HALO_SLACK * self.reach()
     }
 
     fn apply(&self, window: &Window) -> Result<Preprocessed> {
         let threshold = self.threshold();
-        let reach = self.reach().map_or(f64::INFINITY, |reach| reach * (1.0 + REACH_SLACK));
+        let reach = self.reach() * (1.0 + REACH_SLACK);
         let grid = grid_of(window, self.others());
         let mut distances = NeighborDistances::new(window, &grid, self.others(), self.removal.itself());
         let mut stays = vec![None; window.points().len()];
         for point in distances.order() {
             let outlier = self.removal.dialect.is_outlier(distances.of(point), threshold);
-            stays[point as usize] = outlier.map(|outlier| !outlier && distances.farthest() <= reach);
+            let is_in_reach = distances.last_radius() <= reach;
+            let is_beyond = || !is_in_reach && window.holds(&window.points()[point as usize], reach);
+            stays[point as usize] = match outlier {
+                Some(false) if is_in_reach => Some(true),
+                Some(true) => Some(false),
+                _ => is_beyond().then_some(false),
+            };
         }
         Ok(keep_where(window, stays.into_iter(), self.halo()))
     }

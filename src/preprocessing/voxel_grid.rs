@@ -108,10 +108,11 @@ impl Stage for VoxelGrid {
     fn apply(&self, window: &Window) -> Result<Preprocessed> {
         let voxels = Voxels::new(self.size, window.lattice());
         let members = self.sorted(window, &voxels)?;
-        let mut successors = vec![None; window.points().len()];
+        let (mut successors, mut undecided) = (vec![None; window.points().len()], vec![]);
         let (mut positions, mut point_ids, mut nearest) = (vec![], vec![], vec![]);
         for members in members.chunk_by(|a, b| a.voxel == b.voxel) {
             if !voxels.corners(members[0].voxel).iter().all(|corner| window.holds(corner, 0.0)) {
+                undecided.extend(members.iter().map(|member| member.position));
                 continue;
             }
             for member in members {
@@ -138,7 +139,8 @@ impl Stage for VoxelGrid {
         let mut window = window.replaced(positions, point_ids, lattice, window.columns().select(&nearest));
         // The diagonal of a voxel: nearer to the border not all voxels are there.
         window.shrink(1.5 * self.size);
-        Ok(Preprocessed { window, successors })
+        undecided.sort_unstable();
+        Ok(Preprocessed { window, successors, undecided })
     }
 }
 

@@ -406,7 +406,7 @@ impl PySettlement {
     #[pyo3(signature = (*, lattice = None, with_points = true))]
     fn new(lattice: LatticeOf, with_points: bool) -> PyResult<Self> {
         let lattice = lattice_of(lattice)?;
-        Ok(Self { settlement: Mutex::new(Settlement::new()?), with_points, lattice })
+        Ok(Self { settlement: Mutex::default(), with_points, lattice })
     }
 
     /// Keeps a span of a pipeline.

@@ -50,7 +50,7 @@ impl Cloud {
 fn halo(length: f64) -> Halo {
     match length {
         0.0 => Halo::None,
-        f64::INFINITY => Halo::Span,
+        f64::INFINITY => Halo::SpanBeyond(0.0),
         length => Halo::Length(length),
     }
 }

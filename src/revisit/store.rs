@@ -1,28 +1,22 @@
 //! Points that have gone out of scope, on disk, to be found again by where they are.
 //!
-//! An `SQLite` database without a name: it lives in its cache until that is full, then in a temporary file that nobody else
-//! sees and that is gone when it is closed, or when the process ends. Nothing is ever committed, for there is nothing to be
-//! kept safe.
+//! A temporary [`Database`] of blobs.
 
-use std::io;
-
-use rusqlite::{Connection, params};
+use rusqlite::params;
 
 use super::raster::Cell;
-use crate::error::{Error, Result};
+use crate::disk::Database;
+use crate::error::Result;
 use crate::label::SegmentId;
 use crate::segmentor::Plane;
 
 /// Pages of 16 KB suit blobs of some KB; 16 MB of them are kept in memory.
-const SET_UP: &str = "
-    PRAGMA page_size = 16384;
-    PRAGMA journal_mode = OFF;
-    PRAGMA synchronous = OFF;
-    PRAGMA temp_store = FILE;
-    PRAGMA cache_size = -16384;
+const PAGE_BYTES: usize = 1 << 14;
+const CACHED_PAGES: usize = 1 << 10;
+
+const TABLES: &str = "
     CREATE TABLE stored (row INTEGER, col INTEGER, span INTEGER, points BLOB, PRIMARY KEY (row, col, span));
     CREATE TABLE plane (segment_id INTEGER PRIMARY KEY, plane BLOB);
-    BEGIN;
 ";
 
 /// What is stored of a point beside its attributes, in words of 8 bytes: its id, its segment, its position.
@@ -39,7 +33,7 @@ pub(super) struct Stored {
 
 /// The store.
 pub(super) struct Store {
-    database: Connection,
+    database: Database,
     /// How many attributes a point has.
     attributes: usize,
     packed: Vec<u8>,
@@ -48,12 +42,8 @@ pub(super) struct Store {
 impl Store {
     /// An empty store.
     pub fn new() -> Result<Self> {
-        let open = || {
-            let database = Connection::open("")?;
-            database.execute_batch(SET_UP)?;
-            Ok(database)
-        };
-        Ok(Self { database: open().map_err(|e| failed("written", e))?, attributes: 0, packed: Vec::new() })
+        let database = Database::new(PAGE_BYTES, CACHED_PAGES, TABLES)?;
+        Ok(Self { database, attributes: 0, packed: Vec::new() })
     }
 
     /// Stores the points of a span that lie in a block; spans and attributes are the same for all.
@@ -66,40 +56,37 @@ impl Store {
         for values in &stored.attributes {
             self.packed.extend_from_slice(bytemuck::cast_slice(values));
         }
-        let insert = || {
-            let mut insert = self.database.prepare_cached("INSERT INTO stored VALUES (?, ?, ?, ?)")?;
-            insert.execute(params![block.row, block.column, span as i64, self.packed])
-        };
-        insert().map(drop).map_err(|e| failed("written", e))
+        self.database.write(|database| {
+            let mut insert = database.prepare_cached("INSERT INTO stored VALUES (?, ?, ?, ?)")?;
+            insert.execute(params![block.row, block.column, span as i64, self.packed]).map(drop)
+        })
     }
 
     /// Stores the planes of segments whose ids start from `first`.
     pub fn put_planes(&mut self, first: SegmentId, planes: &[Plane]) -> Result<()> {
-        let insert = || {
-            let mut insert = self.database.prepare_cached("INSERT INTO plane VALUES (?, ?)")?;
+        self.database.write(|database| {
+            let mut insert = database.prepare_cached("INSERT INTO plane VALUES (?, ?)")?;
             (first..).zip(planes).try_for_each(|(segment_id, plane)| {
                 insert.execute(params![segment_id, bytemuck::bytes_of(&words(plane))]).map(drop)
             })
-        };
-        insert().map_err(|e| failed("written", e))
+        })
     }
 
     /// The plane of a segment, if it has one.
     pub fn plane(&self, segment_id: SegmentId) -> Result<Option<Plane>> {
-        let find = || {
-            let mut select = self.database.prepare_cached("SELECT plane FROM plane WHERE segment_id = ?")?;
+        self.database.read(|database| {
+            let mut select = database.prepare_cached("SELECT plane FROM plane WHERE segment_id = ?")?;
             let mut rows = select.query([segment_id])?;
             let Some(row) = rows.next()? else { return Ok(None) };
             Ok(bytemuck::try_pod_read_unaligned(row.get_ref(0)?.as_blob()?).ok().map(plane_of))
-        };
-        find().map_err(|e| failed("read", e))
+        })
     }
 
     /// Shows what is stored of a block, of the spans from `first` up to `end`, in the order of the spans, as long as `show`
     /// asks for more. The answer is the span after the last one shown; none if all were shown.
     pub fn each(&self, block: Cell, first: u64, end: u64, mut show: impl FnMut(Stored) -> bool) -> Result<Option<u64>> {
-        let mut each = || {
-            let mut select = self.database.prepare_cached(
+        self.database.read(|database| {
+            let mut select = database.prepare_cached(
                 "SELECT span, points FROM stored WHERE row = ? AND col = ? AND span >= ? AND span < ? ORDER BY span",
             )?;
             let mut rows = select.query(params![block.row, block.column, first as i64, end as i64])?;
@@ -110,8 +97,7 @@ impl Store {
                 }
             }
             Ok(None)
-        };
-        each().map_err(|e| failed("read", e))
+        })
     }
 }
 
@@ -140,10 +126,6 @@ fn unpack(packed: &[u8], attributes: usize) -> Stored {
         points: bytemuck::pod_collect_to_vec(take(3)),
         attributes: (0..attributes).map(|_| bytemuck::pod_collect_to_vec(take(1))).collect(),
     }
-}
-
-fn failed(doing: &'static str, cause: rusqlite::Error) -> Error {
-    Error::spool(doing, io::Error::other(cause))
 }
 
 #[cfg(test)]

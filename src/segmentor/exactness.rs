@@ -69,7 +69,9 @@ impl Exactness {
         // Spans narrower than the halo, by whatever rounding, would be loaded over and over.
         let halo = if let Halo::Length(halo) = self.halo() { 1.01 * halo } else { 0.0 };
         match (self.reach(), layout) {
-            (reach, _) if reach > 0.0 && reach.is_finite() => by_width(halo.max(REACHES_PER_SPAN * reach)),
+            (reach, _) if reach > 0.0 && (REACHES_PER_SPAN * reach).is_finite() => {
+                by_width(halo.max(REACHES_PER_SPAN * reach))
+            }
             (_, Some(Layout { points, extent })) if extent > 0.0 && points > POINTS_PER_SPAN as u64 => {
                 by_width(extent * POINTS_PER_SPAN as f64 / points as f64)
             }
@@ -80,7 +82,7 @@ impl Exactness {
 
     /// Whether there is a limit to how far away what decides about a point can be.
     pub fn is_bounded(self) -> bool {
-        self.halo() != Halo::Span
+        !matches!(self.halo(), Halo::SpanBeyond(_))
     }
 
     /// How far apart points that are looked at together are at the most; 0 if nothing is known of it, ∞ if there is no limit.
@@ -101,7 +103,9 @@ impl Exactness {
     /// What has to be loaded around a window.
     pub fn halo(self) -> Halo {
         match self {
-            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo == f64::INFINITY => Halo::Span,
+            Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo == f64::INFINITY => {
+                Halo::SpanBeyond(0.0)
+            }
             Exactness::WithHalo { halo, .. } | Exactness::Measured { halo, .. } if halo > 0.0 => Halo::Length(halo),
             _ => Halo::None,
         }

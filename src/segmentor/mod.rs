@@ -22,11 +22,11 @@ pub use region_growing::{Curvature, Form, Growth, RegionGrowing};
 use std::ops::Range;
 
 use crate::certificate::Tally;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::front::Frontier;
 use crate::label::{Labels, NONE};
 use crate::neighborhood::Search;
-use crate::window::Window;
+use crate::window::{Halo, Window};
 
 /// What a segmentor says of a window.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,6 +78,15 @@ impl Segmented {
     pub fn spread(self, over: &[u32], points: usize) -> Self {
         let undecided = self.undecided.map(|undecided| undecided.iter().map(|&point| over[point as usize]).collect());
         Self { labels: self.labels.spread(over, points), undecided, ..self }
+    }
+
+    /// The same, with `more` points that could not be decided either.
+    #[must_use]
+    pub fn leaving_open(mut self, more: Vec<u32>) -> Self {
+        let undecided = self.undecided.get_or_insert_default();
+        undecided.extend(more);
+        undecided.sort_unstable();
+        self
     }
 
     /// What is said of the points at `positions`, and for each of its labels which one it was.
@@ -137,6 +146,11 @@ pub trait Segmentor: Send + Sync {
     /// Under which condition the streamed partition equals the static one.
     fn exactness(&self) -> Exactness;
 
+    /// What has to be loaded around a window.
+    fn halo(&self) -> Halo {
+        self.exactness().halo()
+    }
+
     /// Whether several windows may be segmented at the same time.
     fn is_concurrent(&self) -> bool {
         true
@@ -187,4 +201,18 @@ pub trait Segmentor: Send + Sync {
     fn agree(&self, _: &Plane, _: &Plane) -> bool {
         true
     }
+}
+
+/// Has `segmentor` label the points of `window`.
+///
+/// # Errors
+/// If it fails, or does not return one label for each point.
+pub fn segment(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
+    let segmented = segmentor.segment(window)?;
+    let (given, points) = (segmented.labels.of_points().len(), window.points().len());
+    if given == points {
+        return Ok(segmented);
+    }
+    let problem = format!("returned {given} labels for window {} of {points} points", window.index());
+    Err(Error::Labels { segmentor: segmentor.name().into(), problem })
 }

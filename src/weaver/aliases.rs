@@ -5,13 +5,11 @@
 //!
 //! The log keeps its newest records in memory and the others in a temporary file, sixteen bytes each.
 
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
-
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Closed, Selection, Settling};
-use crate::error::{Error, Result};
+use crate::disk::WordFile;
+use crate::error::Result;
 use crate::label::SegmentId;
 
 /// Records kept in memory before they go to the file, and read from it at a time.
@@ -62,7 +60,7 @@ impl From<[i64; 2]> for Record {
 /// The log of joins and closings.
 #[derive(Debug, Default)]
 pub struct Aliases {
-    file: Option<File>,
+    file: WordFile,
     written: u64,
     newest: Vec<[i64; 2]>,
 }
@@ -101,19 +99,10 @@ impl Aliases {
     fn push(&mut self, record: Record) {
         self.newest.push(record.into());
         // A full disk costs memory, not the run: what cannot be written waits, and is tried again a block later.
-        if self.newest.len().is_multiple_of(BLOCK) && self.write().is_ok() {
+        if self.newest.len().is_multiple_of(BLOCK) && self.file.write_at(place(self.written), &self.newest).is_ok() {
             self.written += self.newest.len() as u64;
             self.newest.clear();
         }
-    }
-
-    fn write(&mut self) -> io::Result<()> {
-        let file = match &mut self.file {
-            Some(file) => file,
-            none => none.insert(tempfile::tempfile()?),
-        };
-        file.seek(SeekFrom::Start(self.written * size_of::<[i64; 2]>() as u64))?;
-        file.write_all(bytemuck::cast_slice(&self.newest))
     }
 
     /// The last records before `end`, oldest first; none at the start.
@@ -122,13 +111,7 @@ impl Aliases {
             return Ok(self.newest[..(end - self.written) as usize].to_vec());
         }
         let start = end.saturating_sub(BLOCK as u64);
-        let mut block = vec![[0; 2]; (end - start) as usize];
-        if let Some(file) = &mut self.file {
-            file.seek(SeekFrom::Start(start * size_of::<[i64; 2]>() as u64))
-                .and_then(|_| file.read_exact(bytemuck::cast_slice_mut(&mut block)))
-                .map_err(|e| Error::spool("read", e))?;
-        }
-        Ok(block)
+        self.file.read_at(place(start), (end - start) as usize)
     }
 
     /// Shows every whole that has been closed for good, in no particular order.
@@ -176,6 +159,11 @@ impl Aliases {
         }
         Ok(())
     }
+}
+
+/// Where a record lies in the file.
+fn place(record: u64) -> u64 {
+    record * size_of::<[i64; 2]>() as u64
 }
 
 #[cfg(all(test, not(loom)))]

@@ -103,6 +103,14 @@ impl Carry {
         self.out_of_scope.await_only(ids);
     }
 
+    /// Writes to disk what is remembered of segments that have gone out of scope, if it is much.
+    ///
+    /// # Errors
+    /// If that cannot be written; no late join can be made then.
+    pub fn spill(&mut self) -> Result<()> {
+        self.out_of_scope.spill()
+    }
+
     /// The id that the next new segment gets.
     pub fn next_id(&self) -> SegmentId {
         self.base + self.parent.len() as i64

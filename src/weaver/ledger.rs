@@ -1,45 +1,34 @@
 //! What became of ids, on disk: for more segments than memory should hold.
 //!
-//! An `SQLite` database without a name, in a temporary file that nobody else sees and that is gone when it is closed, or when the
-//! process ends. Nothing is ever committed, for there is nothing to be kept safe.
+//! A temporary [`Database`]: a ledger that could not be written once knows nothing any more.
 
-use std::io;
-
-use rusqlite::{Connection, params};
+use rusqlite::params;
 
 use super::out_of_scope::Fate;
-use crate::error::{Error, Result};
+use crate::disk::Database;
+use crate::error::Result;
 use crate::label::SegmentId;
 
 /// Eight megabytes of it are kept in memory.
-const SET_UP: &str = "
-    PRAGMA journal_mode = OFF;
-    PRAGMA synchronous = OFF;
-    PRAGMA temp_store = FILE;
-    PRAGMA cache_size = -8192;
-    CREATE TABLE fate (id INTEGER PRIMARY KEY, becomes INTEGER, points INTEGER, has_seed INTEGER);
-    BEGIN;
-";
+const PAGE_BYTES: usize = 1 << 12;
+const CACHED_PAGES: usize = 1 << 11;
+
+const TABLES: &str = "CREATE TABLE fate (id INTEGER PRIMARY KEY, becomes INTEGER, points INTEGER, has_seed INTEGER);";
 
 /// The fates of many ids.
 #[derive(Debug)]
-pub(super) struct Ledger(Connection);
+pub(super) struct Ledger(Database);
 
 impl Ledger {
     /// An empty ledger.
     pub(super) fn new() -> Result<Self> {
-        let open = || {
-            let database = Connection::open("")?;
-            database.execute_batch(SET_UP)?;
-            Ok(Self(database))
-        };
-        open().map_err(|e| failed("written", e))
+        Database::new(PAGE_BYTES, CACHED_PAGES, TABLES).map(Self)
     }
 
     /// Notes what became of ids, in place of what was known of them.
     pub(super) fn note(&self, fates: impl Iterator<Item = (SegmentId, Fate)>) -> Result<()> {
-        let note = || {
-            let mut insert = self.0.prepare_cached("INSERT OR REPLACE INTO fate VALUES (?, ?, ?, ?)")?;
+        self.0.write(|database| {
+            let mut insert = database.prepare_cached("INSERT OR REPLACE INTO fate VALUES (?, ?, ?, ?)")?;
             for (id, fate) in fates {
                 match fate {
                     Fate::Became(next) => insert.execute(params![id, next, None::<i64>, None::<bool>])?,
@@ -50,14 +39,13 @@ impl Ledger {
                 };
             }
             Ok(())
-        };
-        note().map_err(|e| failed("written", e))
+        })
     }
 
     /// What became of an id, if that was noted.
     pub(super) fn fate(&self, id: SegmentId) -> Result<Option<Fate>> {
-        let find = || {
-            let mut select = self.0.prepare_cached("SELECT becomes, points, has_seed FROM fate WHERE id = ?")?;
+        self.0.read(|database| {
+            let mut select = database.prepare_cached("SELECT becomes, points, has_seed FROM fate WHERE id = ?")?;
             let mut rows = select.query([id])?;
             let Some(row) = rows.next()? else { return Ok(None) };
             Ok(Some(match (row.get(0)?, row.get::<_, Option<i64>>(1)?) {
@@ -65,11 +53,6 @@ impl Ledger {
                 (None, Some(points)) => Fate::Closed { points: points as u64, has_seed: row.get(2)? },
                 (None, None) => Fate::Open,
             }))
-        };
-        find().map_err(|e| failed("read", e))
+        })
     }
-}
-
-fn failed(doing: &'static str, cause: rusqlite::Error) -> Error {
-    Error::spool(doing, io::Error::other(cause))
 }

@@ -193,21 +193,26 @@ impl Weaver {
     /// Joins earlier segments, in scope or not, with labels of the window just woven, whose label 0 is the segment
     /// `first_id`: they share points that are not among its own.
     ///
+    /// Here what is remembered of segments out of scope goes to disk, so this is called after each window, even if none returns:
+    /// a disk that is full stops late joins, and what goes out of scope stays whole.
+    ///
     /// # Errors
-    /// If a segment returns that is not remembered.
+    /// If a segment returns that is not remembered, or the disk fails.
     pub fn join_returned(&mut self, returned: &[Returned], first_id: SegmentId, window: u64) -> Result<()> {
         returned.iter().try_for_each(|&Returned { segment_id, label, points }| {
             self.join_any(segment_id, first_id + SegmentId::from(label), window, points)
-        })
+        })?;
+        self.carry.spill()
     }
 
     /// Joins pairs of segments that were found to be one by something else than shared points, with the window that
-    /// brought it to light. They may have gone out of scope, if they are remembered.
+    /// brought it to light. They may have gone out of scope, if they are remembered; what is, goes to disk here, too.
     ///
     /// # Errors
-    /// If a segment is not known any more.
+    /// If a segment is not known any more, or the disk fails.
     pub fn join_late(&mut self, pairs: &[[SegmentId; 2]], window: u64) -> Result<()> {
-        pairs.iter().try_for_each(|&[a, b]| self.join_any(a, b, window, 0))
+        pairs.iter().try_for_each(|&[a, b]| self.join_any(a, b, window, 0))?;
+        self.carry.spill()
     }
 
     /// Says anew which segments may be named by a late join when they have gone out of scope.

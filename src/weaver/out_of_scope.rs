@@ -14,7 +14,7 @@ use super::ledger::Ledger;
 use crate::error::Result;
 use crate::label::SegmentId;
 
-/// So many ids are remembered in memory before they go to disk.
+/// So many ids, and those that go out of scope with a window, are remembered in memory before they go to disk.
 const MOST_IN_MEMORY: usize = 1 << 16;
 
 /// What became of an id.
@@ -114,13 +114,20 @@ impl OutOfScope {
 
     fn note(&mut self, id: SegmentId, fate: Fate) {
         self.fates.insert(id, fate);
-        // A full disk costs memory, not the run: what cannot be written waits, and is tried again when there is more.
+    }
+
+    /// Writes what is noted to disk, if it is much.
+    ///
+    /// # Errors
+    /// If it cannot be written. Then what has been written before is lost, too, and no late join can be made any more.
+    pub(super) fn spill(&mut self) -> Result<()> {
         if let Who::All(ledger) = &mut self.who
-            && self.fates.len().is_multiple_of(self.most_in_memory)
-            && write(ledger, &self.fates).is_ok()
+            && self.fates.len() >= self.most_in_memory
         {
+            write(ledger, &self.fates)?;
             self.fates.clear();
         }
+        Ok(())
     }
 
     fn fate(&self, id: SegmentId) -> Result<Option<Fate>> {

@@ -48,7 +48,7 @@ impl Replay {
     /// of the points that went out of scope, which become carried ids. Returns where the log stands.
     ///
     /// # Errors
-    /// If an id is not one that this history can have.
+    /// If an id is not one that this history can have, or the disk fails.
     pub fn part(&mut self, rows: &[[SegmentId; 2]], seedless: &[SegmentId], ids: &mut [SegmentId]) -> Result<u64> {
         let in_rows = rows.iter().flatten().copied().max().unwrap_or(NONE);
         let newest = in_rows.max(ids.iter().copied().max().unwrap_or(NONE));
@@ -71,6 +71,7 @@ impl Replay {
         }
         let position = self.aliases.len();
         self.forget(rows);
+        self.carry.spill()?;
         Ok(position)
     }
 
@@ -109,7 +110,10 @@ impl Replay {
     }
 
     fn join(&mut self, segment_id: SegmentId, next: SegmentId) -> Result<()> {
-        let late = self.carry.join_late(segment_id, next).map_err(|_| damaged(segment_id))?;
+        let late = self.carry.join_late(segment_id, next).map_err(|error| match error {
+            Error::OutOfScope { .. } => damaged(segment_id),
+            other => other,
+        })?;
         late.reopened.into_iter().for_each(|id| self.aliases.reopen(id));
         if let Some(join) = late.join {
             self.aliases.join(join.id, join.becomes);

@@ -4,6 +4,10 @@
 //! later. Read backwards, the log settles every id at once: when a join is met, what its smaller id becomes is known
 //! already, and so is how large the whole was when it closed. And an id can be forgotten as soon as the reading has
 //! passed its birth, so the memory is that of the segments that were in scope together, not of the stream.
+//!
+//! With late joins it is more. A segment that had gone out of scope and is joined later is remembered from there back to its
+//! birth, and a whole that was opened again from there back to the closing that was none: so many ids as late joins reach
+//! across the reading's place, from a later window to an earlier one.
 
 use std::collections::BTreeMap;
 

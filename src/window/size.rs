@@ -71,8 +71,8 @@ pub enum Halo {
     None,
     /// All that lies within this length, in units of the coordinates.
     Length(f64),
-    /// One span on either side: how far would be enough cannot be told.
-    Span,
+    /// All that lies within this length, and one span more on either side: how far would be enough cannot be told.
+    SpanBeyond(f64),
 }
 
 #[cfg(test)]

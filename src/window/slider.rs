@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::{Halo, Window, WindowSize};
 use crate::lattice::Lattice;
-use crate::span::Span;
+use crate::span::{Extent, Span};
 
 /// The spans of a window, before their points are gathered.
 #[derive(Debug, Clone)]
@@ -63,9 +63,11 @@ impl Slider {
     #[must_use]
     pub fn with_halo(mut self, halo: Halo) -> Self {
         // Lengths are compared with borders of spans, which rounding may have moved.
+        let in_steps = |length: f64| length * (1.0 + 1e-6) / self.lattice.horizontal_unit();
         self.halo = match halo {
-            Halo::Length(length) => Halo::Length(length * (1.0 + 1e-6) / self.lattice.horizontal_unit()),
-            halo => halo,
+            Halo::None => Halo::None,
+            Halo::Length(length) => Halo::Length(in_steps(length)),
+            Halo::SpanBeyond(length) => Halo::SpanBeyond(in_steps(length)),
         };
         self
     }
@@ -140,7 +142,9 @@ impl Slider {
     fn has_halo(&self, end: usize) -> bool {
         match self.halo {
             Halo::None => true,
-            Halo::Span => self.held.len() > end || self.ends_with_cloud(),
+            Halo::SpanBeyond(length) => {
+                self.held.len() > end + self.within_after(end, length) || self.ends_with_cloud()
+            }
             Halo::Length(length) => match (self.held[end - 1].extent, self.held.back().and_then(|span| span.extent)) {
                 (Some(own), Some(last)) => last.high >= own.high + length,
                 _ => true,
@@ -154,17 +158,21 @@ impl Slider {
 
     /// How many spans behind `end` belong to the halo.
     fn after(&self, end: usize) -> usize {
-        let behind = self.held.range(end..);
         match self.halo {
             Halo::None => 0,
-            Halo::Span => behind.take(1).filter(|span| span.extent.is_some()).count(),
-            Halo::Length(length) => {
-                let own = self.held[end - 1].extent;
-                behind
-                    .take_while(|span| matches!((span.extent, own), (Some(e), Some(own)) if e.low < own.high + length))
-                    .count()
+            Halo::Length(length) => self.within_after(end, length),
+            Halo::SpanBeyond(length) => {
+                let near = self.within_after(end, length);
+                near + count_in_space(self.held.range(end + near..).take(1))
             }
         }
+    }
+
+    /// How many spans behind `end` begin within the length.
+    fn within_after(&self, end: usize, length: f64) -> usize {
+        let own = self.held[end - 1].extent;
+        let is_near = |e: &Extent| own.is_some_and(|own| e.low < own.high + length);
+        self.held.range(end..).take_while(|span| span.extent.as_ref().is_some_and(is_near)).count()
     }
 
     /// A window over the same spans once more.
@@ -194,19 +202,27 @@ impl Slider {
 
     /// How many spans before `first` belong to the halo.
     fn halo_before(&self, first: usize) -> usize {
-        let before = self.held.range(..first).rev();
         match self.halo {
             Halo::None => 0,
-            Halo::Span => before.take(1).filter(|span| span.extent.is_some()).count(),
-            Halo::Length(length) => {
-                let own = self.held.get(first).or(self.held.back()).and_then(|span| span.extent);
-                let own_low = own.map(|own| if self.held.len() > first { own.low } else { own.high });
-                before
-                    .take_while(|span| matches!((span.extent, own_low), (Some(e), Some(low)) if e.high > low - length))
-                    .count()
+            Halo::Length(length) => self.within_before(first, length),
+            Halo::SpanBeyond(length) => {
+                let near = self.within_before(first, length);
+                near + count_in_space(self.held.range(..first - near).rev().take(1))
             }
         }
     }
+
+    /// How many spans before `first` end within the length.
+    fn within_before(&self, first: usize, length: f64) -> usize {
+        let own = self.held.get(first).or(self.held.back()).and_then(|span| span.extent);
+        let own_low = own.map(|own| if self.held.len() > first { own.low } else { own.high });
+        let is_near = |e: &Extent| own_low.is_some_and(|low| e.high > low - length);
+        self.held.range(..first).rev().take_while(|span| span.extent.as_ref().is_some_and(is_near)).count()
+    }
+}
+
+fn count_in_space<'a>(spans: impl Iterator<Item = &'a Arc<Span>>) -> usize {
+    spans.filter(|span| span.extent.is_some()).count()
 }
 
 #[cfg(test)]

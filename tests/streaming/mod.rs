@@ -174,7 +174,7 @@ fn once_each(points: usize, point_ids: &[Vec<i64>], ids: &dyn Fn(usize) -> Vec<i
 }
 
 fn settle(pipeline: &mut Pipeline, outgoing: &[Outgoing], point_ids: &[Vec<i64>]) -> Vec<Vec<i64>> {
-    let mut settlement = Settlement::new().unwrap();
+    let mut settlement = Settlement::default();
     for (out, point_ids) in outgoing.iter().zip(point_ids) {
         let segmented = &out.segmented;
         settlement.keep(segmented.index, point_ids, &segmented.carried_ids, &[], segmented.settles_at).unwrap();

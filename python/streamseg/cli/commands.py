@@ -73,7 +73,9 @@ def info(
 ) -> None:
     """Say what FILE holds, and how it could be segmented."""
     if context.args and not plan:
-        raise InvalidParameter(f"{' '.join(context.args)} is given without --plan, allowed: FILE only")
+        words = [str(file), *context.args]
+        given = next((word for word in words if word.startswith("-")), " ".join(context.args))
+        raise InvalidParameter(f"{given} is given without --plan, allowed: FILE only")
     for label, value in explained(file, context.args) if plan else description.describe(file):
         typer.echo(f"{label:<12} {value}")
 

@@ -15,11 +15,11 @@ from .segment import segment
 
 
 def explained(file: Path, words: list[str]) -> Iterator[tuple[str, str]]:
-    """Explain the plan for segmenting a file with these options: a label and what there is to say, line by line."""
+    """Explain the plan for segmenting files with these options: a label and what there is to say, line by line."""
     options = _parsed(file, words)
     choice, threads = chosen(options, planner="--plan"), checked_threads(options["threads"])
     made = plan(
-        file,
+        options["inputs"],
         **{name: choice[name] for name in ("segmentor", "max_memory", "preprocess", "drop_invalid")},
         with_history=options["history"] is not None,
     )
@@ -30,5 +30,5 @@ def explained(file: Path, words: list[str]) -> Iterator[tuple[str, str]]:
 def _parsed(file: Path, words: list[str]) -> Mapping[str, Any]:
     app = typer.Typer(add_completion=False)
     app.command()(segment)
-    context = typer.main.get_command(app).make_context("streamseg info FILE --plan", [str(file), "OUT.laz", *words])
+    context = typer.main.get_command(app).make_context("streamseg info FILE --plan", [str(file), *words, "OUT.laz"])
     return context.params
