@@ -27,6 +27,8 @@ struct Cut {
     overlap: usize,
     /// How far from zero the places are told to be.
     offset: i64,
+    /// Whether the stream just stops, without telling the last window that nothing lies beyond.
+    stops: bool,
 }
 
 impl Cut {
@@ -55,8 +57,8 @@ fn slabs(places: &[[i64; 2]], cut: &Cut) -> Vec<(i64, Vec<usize>)> {
     slabs
 }
 
-/// What the windows and the front say: pairs that are edges, in the end.
-fn streamed(places: &[[i64; 2]], cut: &Cut) -> BTreeSet<Pair> {
+/// What the windows and the front say: pairs that are edges, in the end. `watch` sees the front after each window.
+fn streamed(places: &[[i64; 2]], cut: &Cut, mut watch: impl FnMut(&Front)) -> BTreeSet<Pair> {
     let slabs = slabs(places, cut);
     let mut front = Front::default();
     let mut edges = BTreeSet::new();
@@ -66,7 +68,8 @@ fn streamed(places: &[[i64; 2]], cut: &Cut) -> BTreeSet<Pair> {
     while first + cut.overlap < slabs.len() || (first == 0 && !slabs.is_empty()) {
         let end = (first + cut.spans).min(slabs.len());
         let low = if first == 0 { f64::NEG_INFINITY } else { slabs[first].0 as f64 * cut.width };
-        let high = slabs.get(end).map_or(f64::INFINITY, |(slab, _)| *slab as f64 * cut.width);
+        let above = slabs.get(end).map(|(slab, _)| *slab).or(cut.stops.then(|| slabs[end - 1].0 + 1));
+        let high = above.map_or(f64::INFINITY, |slab| slab as f64 * cut.width);
         let loaded = Loaded { direction: cut.direction, low, high, largest: 0.0 };
         let span_of = |i: usize| slabs.binary_search_by_key(&cut.slab(places[i]), |(slab, _)| *slab).unwrap() as u64;
         let members: Vec<usize> = slabs[first..end].iter().flat_map(|(_, members)| members.clone()).collect();
@@ -93,13 +96,17 @@ fn streamed(places: &[[i64; 2]], cut: &Cut) -> BTreeSet<Pair> {
             }
         }
         let mut open_places = Vec::new();
-        neighborhood.for_each_open_stack(&finality, |stack| open_places.push(place(member(stack.start))));
+        neighborhood.for_each_open_stack(&finality, |stack, _| open_places.push(place(member(stack.start))));
         let frontier = Frontier { loaded, spans: first as u64..end as u64, places: open_places, edges: open };
         let joins = front.advance(&frontier, first_segment_id);
         edges.extend(joins.iter().map(|[a, _]| of_segment[*a as usize]));
         first += cut.spans - cut.overlap;
+        watch(&front);
     }
-    assert_eq!((front.waiting(), front.places()), (0, 0), "nothing is left undecided");
+    if cut.stops {
+        edges.extend(front.finish().iter().map(|[a, _]| of_segment[*a as usize]));
+    }
+    assert_eq!((front.waiting(), front.places(), front.asleep()), (0, 0, 0), "nothing is left undecided");
     edges
 }
 
@@ -111,6 +118,8 @@ fn places() -> impl Strategy<Value = Vec<[i64; 2]>> {
         prop::collection::vec((-60i64..60, -60i64..60).prop_map(<[i64; 2]>::from), 0..20),
         rim(),
         bow(),
+        raster(),
+        raster(),
     ];
     prop::collection::vec(part, 1..4).prop_map(|parts| {
         let distinct: BTreeSet<[i64; 2]> = parts.concat().into_iter().collect();
@@ -139,12 +148,37 @@ fn bow() -> impl Strategy<Value = Vec<[i64; 2]>> {
     })
 }
 
+/// A grid or a single line, upright, oblique or sheared, whose edges are straight, with a few places beside it.
+fn raster() -> impl Strategy<Value = Vec<[i64; 2]>> {
+    let steps = prop::sample::select(vec![
+        ([1i64, 0], [0i64, 1]),
+        ([0, 1], [1, 0]),
+        ([2, 0], [1, 2]),
+        ([2, 1], [-1, 2]),
+        ([1, 3], [1, -1]),
+        ([-3, 1], [0, 1]),
+    ]);
+    let beside = prop::collection::vec((-9i64..50, -9i64..50).prop_map(<[i64; 2]>::from), 0..4);
+    ((-9i64..9, -9i64..9), steps, 1i64..35, 1i64..4, beside).prop_map(|((x, y), (step, row), count, rows, beside)| {
+        let grid = (0..rows).flat_map(|r| (0..count).map(move |k| (k, r)));
+        let place = |(k, r): (i64, i64)| [x + k * step[0] + r * row[0], y + k * step[1] + r * row[1]];
+        grid.map(place).chain(beside.iter().map(|[dx, dy]| [x + dx, y + dy])).collect()
+    })
+}
+
 fn cut() -> impl Strategy<Value = Cut> {
     let oblique = (0.0f64..7.0).prop_map(|angle| [angle.sin(), angle.cos()]);
     let direction = prop_oneof![2 => Just([1.0, 0.0]), 2 => Just([0.0, 1.0]), 1 => oblique];
     let size = (2usize..5).prop_flat_map(|spans| (Just(spans), 0..spans));
-    (direction, 1i64..20, size, prop::sample::select(vec![0i64, -30, 500_000])).prop_map(
-        |(direction, width, (spans, overlap), offset)| Cut { direction, width: width as f64, spans, overlap, offset },
+    (direction, 1i64..20, size, prop::sample::select(vec![0i64, -30, 500_000]), any::<bool>()).prop_map(
+        |(direction, width, (spans, overlap), offset, stops)| Cut {
+            direction,
+            width: width as f64,
+            spans,
+            overlap,
+            offset,
+            stops,
+        },
     )
 }
 
@@ -153,7 +187,7 @@ proptest! {
 
     #[test]
     fn every_edge_gets_its_verdict(places in places(), cut in cut()) {
-        let found = streamed(&places, &cut);
+        let found = streamed(&places, &cut, |_| ());
         let points: Vec<[i64; 3]> = places.iter().map(|&[x, y]| [x, y, 0]).collect();
         for i in 0..places.len() {
             for j in 0..i {
@@ -164,6 +198,54 @@ proptest! {
                 let shares = apart * (1.0 + 1e-9) <= cut.width * cut.overlap as f64;
                 prop_assert!(!(is_edge && shares) || found.contains(&pair), "{:?} is an edge", pair);
             }
+        }
+    }
+}
+
+fn across(direction: [f64; 2]) -> Cut {
+    Cut { direction, width: 10.0, spans: 3, overlap: 1, offset: 0, stops: true }
+}
+
+/// Columns of a grid, `rows` high.
+fn grid(columns: i64, rows: i64) -> Vec<[i64; 2]> {
+    (0..columns).flat_map(|x| (0..rows).map(move |y| [x, y])).collect()
+}
+
+/// The most places that are ever kept awake.
+fn most_kept(places: &[[i64; 2]], cut: &Cut) -> usize {
+    let mut most = 0;
+    streamed(places, cut, |front| most = most.max(front.places()));
+    most
+}
+
+/// What is triangulated again and again does not grow with the straight edges of a cloud.
+#[test]
+fn a_straight_edge_sleeps() {
+    for direction in [[1.0, 0.0], [0.75f64.sqrt(), 0.5], [0.6, 0.8]] {
+        for rows in [1, 2, 20] {
+            let kept = [500, 1000, 2000].map(|columns| most_kept(&grid(columns, rows), &across(direction)));
+            assert!(kept[2] < kept[1] + 100 && kept[1] < kept[0] + 100, "{direction:?} {rows}: {kept:?}");
+        }
+    }
+    for direction in [[0.0, 1.0], [0.5, 0.75f64.sqrt()]] {
+        let kept = [500, 1000].map(|rows| most_kept(&grid(20, rows), &across(direction)));
+        assert!(kept[1] < kept[0] + 100, "{direction:?}: {kept:?}");
+    }
+}
+
+/// A place beyond a straight edge that sleeps wakes all of it, and has an edge to all of it.
+#[test]
+fn a_place_beyond_wakes_a_straight_edge() {
+    for rows in [1, 5] {
+        for y in [-1000, 1000] {
+            let places = [grid(200, rows), vec![[215, y]]].concat();
+            let mut asleep = Vec::new();
+            let cut = Cut { overlap: 2, ..across([1.0, 0.0]) };
+            let found = streamed(&places, &cut, |front| asleep.push(front.asleep()));
+            let edge = if y > 0 { rows - 1 } else { 0 };
+            assert!((190..200).all(|x| found.contains(&[[x, edge], [215, y]])), "{found:?}");
+            let [.., before, after] = asleep[..] else { panic!("{asleep:?}") };
+            assert!(before > 100 && after + 100 < before, "{asleep:?}");
         }
     }
 }

@@ -4,14 +4,15 @@
 //! triangles that a later point may still destroy. Departure: it is edges that are to be decided, the windows triangulate
 //! themselves, side by side, and what is kept are places, triangulated again for each window. Window by window:
 //!
-//! 1. *Take in.* The front's places F are joined by the window's new ones that are open ([`Finality`]): F ∪ N. What has
-//!    waited goes on waiting, except between places that the window holds both; of them it knows better. The window's
+//! 1. *Take in.* The front's places F are joined by the window's new ones that are open ([`Finality`]): F ∪ N. Sleeping
+//!    places are put back into F if one of N lies strictly beyond their line. What has waited goes on waiting, except between places that the window holds both; of them it knows better. The window's
 //!    open edges with a new end begin to wait.
 //! 2. *Judge.* F ∪ N is triangulated, with nothing below and the window's border above. What waits and has no empty circle
 //!    there is no edge of the cloud; what has one below the border is; the rest waits on.
-//! 3. *Retire.* The places that are not open in that triangulation are forgotten.
+//! 3. *Retire.* The places that are not open in that triangulation are forgotten. Those that are open only beyond a straight
+//!    part of the hull ([`Opening`]) *sleep*: they are put aside, line by line, and are triangulated no more.
 //!
-//! Why F ∪ N is enough. Let P be all places so far, C the triangulation of P, and call a place *closed* if it is in P
+//! Why F ∪ N is enough, if nothing sleeps. Let P be all places so far, C the triangulation of P, and call a place *closed* if it is in P
 //! but not in F ∪ N: all its triangles in C were final, in this window or below the last one's border. F ∪ N has triangles
 //! that C has not, over closed territory, but only pairs that wait are ever looked at, and for them both agree:
 //!
@@ -27,9 +28,21 @@
 //! * A corner of a triangle of C that is not final is not closed. So what is open in C is open in F ∪ N, and in F after that.
 //!
 //! An edge that has no new end has had its verdict, or waits. So every edge waits once at the most, and when nothing more
-//! can come every circle is final: nothing is left undecided. Kept are the places along the border, the hull of the cloud,
-//! and around what is empty and reaches past the border. This presumes that every pair that matters shares a window.
+//! can come every circle is final: nothing is left undecided. This presumes that every pair that matters shares a window.
+//!
+//! Why places may sleep. Where s falls asleep, it is no corner of the hull of F ∪ N, which is that of P, and no corner of a
+//! triangle of C that is not final, because those are triangles of F ∪ N. So in C, too, s has only final triangles, and lies
+//! between two neighbors on a straight part of the hull. From then on it keeps all of these as long as nothing of P lies
+//! strictly beyond the line. The first to do so is new, and the farthest of them is on the hull of its window, and so in N:
+//! then s is back in time, by the exact predicate (Shewchuk 1997). Till then the above holds of s as of a place closed below
+//! the last border: what has a triangle or an edge in common with s was in P when s fell asleep, and what waited there has
+//! been decided, at the latest, when it did. (So it is, too, if the way from p to q does not start into a triangle of C but
+//! along one of its edges.) Where all of P is on one line, edges stand for triangles, and either side is beyond.
+//!
+//! Kept awake are the places along the border, the corners of the cloud's hull, and those around what is empty and reaches past
+//! the border, which may be a sliver along the hull. The edge of a grid sleeps, and takes 16 bytes a place.
 
+mod asleep;
 mod frontier;
 
 use rustc_hash::FxHashSet;
@@ -37,12 +50,14 @@ use rustc_hash::FxHashSet;
 pub use frontier::{Frontier, OpenEdge, Place};
 
 use crate::label::SegmentId;
-use crate::neighborhood::{Delaunay, Loaded};
+use crate::neighborhood::{Delaunay, Loaded, Opening};
+use asleep::Asleep;
 
 /// The open places of all windows so far, and the edges that wait to be decided.
 #[derive(Debug, Default)]
 pub struct Front {
     places: Vec<[f64; 2]>,
+    asleep: Asleep,
     waiting: Vec<Waiting>,
     /// Spans before this one have been loaded.
     next_span: u64,
@@ -82,11 +97,17 @@ impl Front {
         }
         self.decided += begun.saturating_sub(self.waiting.len()) as u64;
         let new = frontier.places.iter().filter(|place| place.span >= self.next_span);
-        self.places.extend(new.map(|place| place.at));
+        let new: Vec<[f64; 2]> = new.map(|place| place.at).collect();
+        self.places.extend(self.asleep.wake(&new));
+        self.places.extend(new);
         self.next_span = frontier.spans.end;
     }
 
     fn judge(&mut self, loaded: Loaded) -> Vec<[SegmentId; 2]> {
+        if loaded.is_everything() {
+            // What is beyond will stay empty.
+            self.asleep = Asleep::default();
+        }
         let neighborhood = Delaunay::new(&self.places, |_| 0.0);
         let finality = neighborhood.finality(loaded);
         let mut joins = Vec::new();
@@ -100,8 +121,12 @@ impl Front {
         });
         self.decided += (before - self.waiting.len()) as u64;
         let mut open = Vec::new();
-        neighborhood.for_each_open_stack(&finality, |stack| {
-            open.push(self.places[neighborhood.order()[stack.start] as usize]);
+        neighborhood.for_each_open_stack(&finality, |stack, opening| {
+            let place = self.places[neighborhood.order()[stack.start] as usize];
+            match opening {
+                Opening::Anywhere => open.push(place),
+                Opening::LeftOf(_) | Opening::Beside(_) => self.asleep.put(place, opening),
+            }
         });
         self.places = open;
         joins
@@ -122,9 +147,14 @@ impl Front {
         self.decided
     }
 
-    /// How many places are kept.
+    /// How many places are kept and triangulated again.
     pub fn places(&self) -> usize {
         self.places.len()
+    }
+
+    /// How many places sleep.
+    pub fn asleep(&self) -> usize {
+        self.asleep.len()
     }
 }
 

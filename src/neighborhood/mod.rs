@@ -15,7 +15,7 @@ mod neighborhoods;
 mod search;
 mod vicinity;
 
-pub use delaunay::{Delaunay, Edge, Finality};
+pub use delaunay::{Delaunay, Edge, Finality, Opening};
 pub use finder::Finder;
 pub use grid::{Grid, Neighbor};
 pub use loaded::Loaded;

@@ -3,15 +3,19 @@
 //! A triangle is *final* if its circumcircle lies inside what has been loaded ([`Loaded`]). Triangles that share an empty
 //! circle are final together: rounding may see it from one of them and not from another. A vertex is *open* if one of its
 //! triangles is not final, or if it is on the hull, beyond which nothing is known: it may get further neighbors. All
-//! others have the neighbors that they have for good.
+//! others have the neighbors that they have for good. On a straight part of the hull less will do ([`Opening`]).
 //!
 //! The triangles whose circles hold a place are connected, and reach the hull if the place lies beyond (Bowyer 1981, Watson
 //! 1981). So those that are not final are found from the hull on, and no others need be looked at.
 
+use std::collections::BTreeMap;
+
 use rustc_hash::FxHashSet;
+use spade::handles::VertexHandle;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
 use super::cocircular::{Face, corners, is_one_circle};
+use super::opening::{Opening, straight_parts};
 use crate::neighborhood::Loaded;
 
 type Triangles = DelaunayTriangulation<Point2<f64>>;
@@ -73,17 +77,43 @@ impl Finality {
         !self.open.contains(&face)
     }
 
-    /// The numbers of the open vertices, ascending.
-    pub(super) fn open_vertices(&self, triangulation: &Triangles) -> Vec<usize> {
+    /// The numbers of the open vertices, ascending, and where they are open.
+    pub(super) fn open_vertices(&self, triangulation: &Triangles) -> BTreeMap<usize, Opening> {
         if self.loaded.is_everything() {
-            return Vec::new();
+            return BTreeMap::new();
         }
         let of_faces = self.open.iter().flat_map(|face| triangulation.face(*face).vertices());
-        let on_hull = triangulation.convex_hull().map(|edge| edge.from());
-        let mut vertices: Vec<usize> = of_faces.chain(on_hull).map(|vertex| vertex.index()).collect();
-        vertices.sort_unstable();
-        vertices.dedup();
-        vertices
+        let mut open: BTreeMap<_, _> = of_faces.map(|vertex| (vertex.index(), Opening::Anywhere)).collect();
+        let vertex =
+            |vertex: VertexHandle<'_, Point2<f64>>| (vertex.index(), [vertex.position().x, vertex.position().y]);
+        // Clockwise, so that what lies beyond is to the left.
+        let hull = triangulation.convex_hull().map(|edge| vertex(edge.from())).collect();
+        for part in straight_parts(hull) {
+            let (first, last) = (part[0], part[part.len() - 1]);
+            open.insert(first.0, Opening::Anywhere);
+            for (vertex, _) in &part[1..part.len() - 1] {
+                open.entry(*vertex).or_insert(Opening::LeftOf([first.1, last.1]));
+            }
+        }
+        open
+    }
+
+    /// The open ones of places on one line, and where they are open.
+    pub(super) fn open_along(&self, line: &[(u32, [f64; 2])]) -> Vec<(u32, Opening)> {
+        let (Some((_, first)), Some((_, last)), false) = (line.first(), line.last(), self.loaded.is_everything())
+        else {
+            return Vec::new();
+        };
+        let is_final = |pair: &[(u32, [f64; 2])]| self.loaded.proves(pair[0].1, pair[1].1, None, None);
+        let opening = |at: usize| {
+            let sides = [at.checked_sub(1).map(|before| &line[before..=at]), line.get(at..at + 2)];
+            if sides.into_iter().all(|pair| pair.is_some_and(is_final)) {
+                Opening::Beside([*first, *last])
+            } else {
+                Opening::Anywhere
+            }
+        };
+        line.iter().enumerate().map(|(at, (stack, _))| (*stack, opening(at))).collect()
     }
 }
 

@@ -13,6 +13,7 @@
 
 mod cocircular;
 mod finality;
+mod opening;
 
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -25,6 +26,7 @@ use super::curve::curve_order;
 use super::loaded::Loaded;
 use cocircular::{Face, groups};
 pub use finality::Finality;
+pub use opening::Opening;
 
 /// Which points of a window share a place on the map, and which places are Delaunay neighbors.
 pub struct Delaunay {
@@ -120,18 +122,18 @@ impl Delaunay {
         }
     }
 
-    /// Calls `visit` for every stack that may get further neighbors from outside of what was loaded.
-    pub fn for_each_open_stack(&self, finality: &Finality, mut visit: impl FnMut(Range<usize>)) {
+    /// Calls `visit` for every stack that may get further neighbors from outside of what was loaded, telling from where.
+    pub fn for_each_open_stack(&self, finality: &Finality, mut visit: impl FnMut(Range<usize>, Opening)) {
         match &self.edges {
-            Edges::Line(line) if !finality.loaded.is_everything() => {
-                for &(stack, _) in line {
-                    visit(self.stack(stack));
+            Edges::Line(line) => {
+                for (stack, opening) in finality.open_along(line) {
+                    visit(self.stack(stack), opening);
                 }
             }
-            Edges::Line(_) => {}
             Edges::Triangles { triangulation, first } => {
-                let vertices = finality.open_vertices(triangulation).into_iter();
-                vertices.for_each(|vertex| visit(self.stack(stack_of(vertex, *first))));
+                for (vertex, opening) in finality.open_vertices(triangulation) {
+                    visit(self.stack(stack_of(vertex, *first)), opening);
+                }
             }
         }
     }

@@ -32,7 +32,7 @@ pub(super) fn frontier(
     open.dedup();
     let edges = open.into_iter().map(|pair| OpenEdge { ends: pair.map(place), labels: pair.map(label) });
     let mut places = Vec::new();
-    neighbors.for_each_open_stack(finality, |stack| places.push(place(stack.start as u32)));
+    neighbors.for_each_open_stack(finality, |stack, _| places.push(place(stack.start as u32)));
     let (first, count) = (window.own_spans().first().map_or(0, |span| span.index), window.own_spans().len() as u64);
     Frontier {
         loaded: finality.loaded(),
