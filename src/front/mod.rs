@@ -5,16 +5,16 @@
 //! themselves, side by side, and what is kept are places, triangulated again for each window. Window by window:
 //!
 //! 1. *Take in.* The front's places F are joined by the window's new ones that are open ([`Finality`]): F ∪ N. Sleeping
-//!    places are put back into F if one of N lies strictly beyond their line. What has waited goes on waiting, except between places that the window holds both; of them it knows better. The window's
-//!    open edges with a new end begin to wait.
+//!    places are put back into F if one of N lies strictly beyond their line. What has waited goes on waiting, except between
+//!    places that the window holds both; of them it knows better. The window's open edges with a new end begin to wait.
 //! 2. *Judge.* F ∪ N is triangulated, with nothing below and the window's border above. What waits and has no empty circle
 //!    there is no edge of the cloud; what has one below the border is; the rest waits on.
 //! 3. *Retire.* The places that are not open in that triangulation are forgotten. Those that are open only beyond a straight
 //!    part of the hull ([`Opening`]) *sleep*: they are put aside, line by line, and are triangulated no more.
 //!
-//! Why F ∪ N is enough, if nothing sleeps. Let P be all places so far, C the triangulation of P, and call a place *closed* if it is in P
-//! but not in F ∪ N: all its triangles in C were final, in this window or below the last one's border. F ∪ N has triangles
-//! that C has not, over closed territory, but only pairs that wait are ever looked at, and for them both agree:
+//! Why F ∪ N is enough, if nothing sleeps. Let P be all places so far, C the triangulation of P, and call a place *closed* if
+//! it is in P but not in F ∪ N: all its triangles in C were final, in this window or below the last one's border. F ∪ N has
+//! triangles that C has not, over closed territory, but only pairs that wait are ever looked at, and for them both agree:
 //!
 //! * If a waiting pair pq is an edge of C it has an empty circle in F ∪ N, too. If it is not, let p be the end that is new,
 //!   or that the window does not hold, if there is one. The segment from p to q starts into a triangle T of C. If no corner of
