@@ -52,7 +52,7 @@ model: check-tools ## every interleaving of the look-up tables (minutes)
 	RUSTFLAGS="--cfg loom" cargo test --profile model --target-dir target/loom --test weaver_model
 
 fuzz: $(BUILT) $(TOOLS) ## the properties with many more cases (an hour)
-	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test canonical_delaunay --test weaver_is_sequential --test expression_trees
+	PROPTEST_CASES=20000 cargo test --release --test streamed_is_static --test canonical_delaunay --test front --test finalized --test revisit --test wider_looks --test planned --test weaver_is_sequential --test expression_trees
 	STREAMSEG_CRITERIA=10000000 cargo test --release --test expression_fuzz -- --nocapture
 	STREAMSEG_EXAMPLES=2000 $(BIN)/python -m pytest --quiet tests
 

@@ -183,6 +183,7 @@ def main() -> None:
     if given.json:
         runs = [{**peak._asdict(), "points_per_second": peak.speed} for peak in peaks]
         given.json.write_text(json.dumps({"cloud": given.cloud.name, "options": options, "runs": runs, "met": met}))
+    raise SystemExit(0 if met else 1)
 
 
 if __name__ == "__main__":
