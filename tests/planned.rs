@@ -273,7 +273,7 @@ fn a_budget_that_is_too_small_is_told_with_what_would_do() {
     let census = street(25.0);
     let plan = |bytes| Plan::new(&census, &segmentor, Budget::new(bytes).unwrap(), false).unwrap();
     let warning = plan(150_000_000).warning().unwrap();
-    let (needed, _) = warning.split_once(" MB, more than the max_memory of 150 MB").unwrap();
+    let (needed, _) = warning.split_once(" MB, some of it in reserve, more than the max_memory of 150 MB").unwrap();
     let needed: u64 = needed.rsplit(' ').next().unwrap().parse().unwrap();
     assert_eq!(plan(needed * 1_000_000).warning(), None);
     assert!(plan((needed - 2) * 1_000_000).warning().is_some());
