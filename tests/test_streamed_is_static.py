@@ -85,6 +85,7 @@ def test_in_space_streamed_is_static_and_proves_it(
     assert run.certificate.is_complete
 
 
+@pytest.mark.filterwarnings("ignore:not one scan line ends")
 @pytest.mark.parametrize("spans", [ss.SpanByCount(20_000), ss.SpanByTime(0.5), ss.SpanByScanLine(40)], ids=repr)
 def test_spans_in_stream_order_reach_every_point_once(data: Path, spans: object) -> None:
     path = data / "als" / "mixed_conifer.laz"

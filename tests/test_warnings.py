@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -42,3 +44,18 @@ def test_a_warning_never_calls_a_length_less_than_itself() -> None:
     with pytest.warns(ss.StreamsegWarning) as caught:
         ss.stream(POINTS, ss.Proximity(2.0), spans=ss.SpanByWidth(2.0))
     assert "overlap by 2, less than the distance 2:" not in str(caught[0].message)
+
+
+def test_a_cloud_without_scan_lines_is_one_span_and_that_is_told() -> None:
+    points = np.column_stack([np.arange(90.0), np.zeros((90, 2))])
+    flat, turning = np.zeros(90), (np.arange(90) // 30) % 2
+    for direction, edge, lines in ((flat, flat, 0), (turning, flat, 3), (flat, np.arange(90) % 30 == 29, 3)):
+        flags = {"scan_direction_flag": direction, "edge_of_flight_line": edge.astype(float)}
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            with ss.stream(points, ss.Proximity(1.5), spans=ss.SpanByScanLine(1), attributes=flags) as run:
+                assert len(list(run)) == max(lines, 1)
+        told = [str(warning.message) for warning in caught]
+        assert [sentence.startswith("not one scan line ends in the first 90 points") for sentence in told] == (
+            [] if lines else [True]
+        )

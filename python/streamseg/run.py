@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ._core import Pipeline, Recipe, SpanByCount, Window
+from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, Window
 from .cutting import Asked, Cut, Spans, cut
 from .errors import InvalidParameter, warn
 from .history import HistoryWriter, check_free
 from .plan import MaxMemory, Stages, recipe_for
-from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source
+from .source import Attributes, PathLike, Source, laid_out, needed_by, open_source, with_lines
 from .stream import RESULTS, Ids, Progress, Result, Stream
 from .threads import checked_threads
 
@@ -182,8 +182,9 @@ def _pipeline(
     drop_invalid: bool,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Pipeline:
+    chunks = source.chunks((*needed_by(chosen.spans), *recipe.reads))
     return Pipeline(
-        source.chunks((*needed_by(chosen.spans), *recipe.reads)),
+        with_lines(chunks) if isinstance(chosen.spans, SpanByScanLine) else chunks,
         recipe,
         chosen.spans,
         chosen.window,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth
-from .errors import InvalidInput
+from .errors import InvalidInput, warn
 from .io import Cloud, open_cloud
 
 PathLike = str | Path
@@ -21,6 +21,9 @@ Attributes = Mapping[str, ArrayLike] | Sequence[str]
 
 # Points that are handed to the core at a time.
 _CHUNK = 250_000
+
+# A scan line with more points than this is none.
+_LONGEST_LINE = 1_000_000
 
 # What a chunk is for the core: (n, 3) points, and one (n,) array per attribute that the spans need.
 CoreChunk = tuple[ArrayLike, tuple[ArrayLike, ...]]
@@ -101,6 +104,31 @@ def needed_by(spans: Spans) -> tuple[str, ...]:
     if isinstance(spans, SpanByScanLine):
         return ("scan_direction_flag", "edge_of_flight_line")
     return ()
+
+
+def with_lines(chunks: Iterator[CoreChunk]) -> Iterator[CoreChunk]:
+    """Warn if no scan line ends for long: what is one span has to fit in memory."""
+    points: int | None = 0
+    direction = None
+    for chunk in chunks:
+        if points is not None:
+            directions, edges = (np.asarray(values) for values in chunk[1][:2])
+            direction = directions[0] if direction is None and len(directions) else direction
+            ends = np.any(directions != direction) or np.any(edges)
+            points = None if ends else points + len(directions)
+        if points is not None and points > _LONGEST_LINE:
+            _warn_of_line(points)
+            points = None
+        yield chunk
+    if points:
+        _warn_of_line(points)
+
+
+def _warn_of_line(points: int) -> None:
+    warn(
+        f"not one scan line ends in the first {points:,} points, so they are one span: scan_direction_flag never "
+        "changes, and edge_of_flight_line is nowhere set; use spans by width, time or count"
+    )
 
 
 def _is_nested_list(source: Any) -> bool:
