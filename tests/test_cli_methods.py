@@ -588,6 +588,8 @@ def test_verify_refuses_what_segment_refuses(run: Run, village: Path) -> None:
 def test_segment_tells_what_it_could_prove(run: Run, village: Path) -> None:
     done = run("segment", village, "out.las", *words("--method growing --search-radius 2 --span-width 5"))
     assert done.status == 0
-    assert re.search(r"^certificate: 0 of [\d,]+ points undecided; equal to the static result, proven$", done.out, re.M)
+    assert re.search(
+        r"^certificate: 0 points undecided in [\d,]+ decisions; equal to the static result, proven$", done.out, re.M
+    )
     done = run("segment", village, "other.las", *words("--distance 0.3 --metric xy"))
     assert "certificate" not in done.out, "nothing was to be counted"

@@ -132,7 +132,7 @@ def test_what_the_run_counted_is_told() -> None:
     assert found.is_identical
     assert found.is_proven
     assert found.certificate.decided_points >= len(CLOUD)
-    assert f"0 of {found.certificate.decided_points:,} points undecided; equal to the static" in str(found)
+    assert f"0 points undecided in {found.certificate.decided_points:,} decisions; equal to the static" in str(found)
 
 
 def differing() -> ss.Verification:
@@ -226,11 +226,11 @@ def test_doubts_are_told_with_their_number() -> None:
         "6 decisions about points",
     ]
     assert str(certificate) == (
-        "2 of 12 edges undecided, 1 of 31 points undecided, 4 points returned, "
+        "2 edges undecided in 12 decisions, 1 points undecided in 31 decisions, 4 points returned, "
         "5 points waited, 3 at a time, 6 early decisions"
     )
     complete = none._replace(decided_edges=1_234_567)
-    assert (str(complete), complete.doubts) == ("0 of 1,234,567 edges undecided", ())
+    assert (str(complete), complete.doubts) == ("0 edges undecided in 1,234,567 decisions", ())
 
 
 def test_a_run_is_proven_only_when_it_has_ended() -> None:

@@ -59,8 +59,8 @@ class Certificate(NamedTuple):
         edges = self.decided_edges + self.undecided_edges
         points = self.decided_points + self.undecided_points
         counts = (
-            (edges, f"{self.undecided_edges:,} of {edges:,} edges undecided"),
-            (points, f"{self.undecided_points:,} of {points:,} points undecided"),
+            (edges, f"{self.undecided_edges:,} edges undecided in {edges:,} decisions"),
+            (points, f"{self.undecided_points:,} points undecided in {points:,} decisions"),
             (self.returned_points, f"{self.returned_points:,} points returned"),
             (self.waited_points, f"{self.waited_points:,} points waited, {self.most_waiting:,} at a time"),
             (self.early_decisions, f"{self.early_decisions:,} early decisions"),
