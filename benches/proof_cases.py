@@ -109,8 +109,8 @@ class Subject:
     def static(self, source: Any, order: Ids) -> Ids:
         """Compute the static result of the points in some order.
 
-        Where some of the nearest neighbors are equally far away, the first in the order count. So features, what is grown
-        by them, and border points of DBSCAN that are equally near to two core points have a static result for each order.
+        Where some of the nearest neighbors are equally far away, the first in the order count. So features, what is
+        grown by them, and border points of DBSCAN that are equally near to two core points depend on the order.
         """
         if isinstance(self.segmentor, (ss.RegionGrowing, ss.Dbscan)):
             return ss.segment_static(source, self.segmentor)

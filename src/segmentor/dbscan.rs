@@ -5,7 +5,8 @@
 //! border point.
 //!
 //! Departure: there, a border point belongs to whichever segment reached it first. Here it belongs to its nearest core
-//! point, at equal distance to the one with the smallest point id, so beside such a tie the result does not depend on the order of points.
+//! point, at equal distance to the one with the smallest point id, so but for such a tie the result does not depend on the
+//! order of points.
 //!
 //! Streamed, a window says only what no point outside of it can change. More points can only make more core points, so
 //! what is core in the window is core in the cloud. Whether a point is none is known when the window holds everything
