@@ -21,7 +21,7 @@ from .run import stream
 from .source import PathLike, counted, open_source
 from .stream import PATIENCE, LeftOut, Progress, Result, Stream
 
-_TWICE = "it was interrupted once more while it was being written"
+_WHILE_WRITING = "it was interrupted while it was being written"
 
 
 class Outcome(NamedTuple):
@@ -224,10 +224,10 @@ class _Interrupt:
         except Exception:
             # What an interrupt strikes may turn it into an error of its own.
             if self._struck:
-                raise KeyboardInterrupt(_TWICE) from None
+                raise KeyboardInterrupt(_WHILE_WRITING) from None
             raise
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(_TWICE) from None
+            raise KeyboardInterrupt(_WHILE_WRITING) from None
         self.check(None)
 
     def check(self, _: object) -> None:
