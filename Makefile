@@ -69,6 +69,12 @@ soak: $(BUILT) $(TOOLS) ## memory and speed on long clouds, beside scipy
 	$(BIN)/python benches/memory.py
 	$(BIN)/python benches/peers.py
 
+cases: $(BUILT) $(TOOLS) ## what people's files and habits do to it (STREAMSEG_CASES)
+	$(BIN)/python benches/cases.py
+
+torture: $(BUILT) $(TOOLS) ## thousands of damaged files, odd arrays and odd options (a quarter of an hour)
+	$(BIN)/python benches/torture
+
 wheel: check-tools ## a wheel for any Python from 3.10 on, in dist/
 	$(PYTHON) -m pip wheel --quiet --no-deps --wheel-dir dist .
 
@@ -97,4 +103,4 @@ check-tools:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || { echo "streamseg: needs Python 3.10 or newer, '$(PYTHON)' is $$($(PYTHON) -V); name another with PYTHON=..."; exit 1; }
 	@command -v cargo >/dev/null || { echo "streamseg: needs a Rust toolchain (cargo); get it with rustup, see https://rustup.rs"; exit 1; }
 
-.PHONY: help demo test lint test-rust test-python bench figures experiments proof model fuzz soak wheel clean check-tools
+.PHONY: help demo test lint test-rust test-python bench figures experiments proof model fuzz soak cases torture wheel clean check-tools
