@@ -13,6 +13,9 @@ _IN_DEGREES = (("lon", "lat"), ("longitude", "latitude"), ("long", "lat"), ("lng
 _PAIRS = (("x", "y"), ("easting", "northing"), ("east", "north"), ("e", "n"), *_IN_DEGREES)
 _HEIGHTS = ("z", "height", "elevation", "altitude", "h")
 
+_MOST_SHOWN = 20
+_LONGEST_SHOWN = 20
+
 ALLOWED = "x, y and z (or easting, northing and height)"
 
 
@@ -33,7 +36,7 @@ class Axes(NamedTuple):
     def problem(self) -> str:
         """Say why it is not clear where x, y and z are; empty if it is."""
         if self.twins:
-            return f"which of {' and '.join(map(repr, self.twins))} is meant is not clear"
+            return f"which of {listed(self.twins)} is meant is not clear"
         return f"which of them is {' and '.join(self.missing)} is not clear" if self.missing else ""
 
 
@@ -58,6 +61,12 @@ def axes_of(names: Sequence[str]) -> Axes:
         return Axes(None, twins=tuple(twins))
     (x,), (y,), (z,) = places
     return Axes((x, y, z), in_degrees=in_degrees)
+
+
+def listed(names: Sequence[str]) -> str:
+    """List names for people: not all of many, and not all of long ones."""
+    shown = [name if len(name) <= _LONGEST_SHOWN else f"{name[:_LONGEST_SHOWN]}…" for name in names[:_MOST_SHOWN]]
+    return ", ".join([*shown, "…"] if len(names) > _MOST_SHOWN else shown)
 
 
 def sentence_on_degrees(path: Path) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from ..errors import FileError, InvalidInput, warn
-from .axes import Axes, axes_of, sentence_on_degrees
+from .axes import Axes, axes_of, listed, sentence_on_degrees
 from .cloud import Chunk, damage_sentence
 from .lattice import Lattice
 from .limits import BLOCK_BYTES
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-_MOST_FIELDS_SHOWN = 20
 
 # Whole numbers up to this are exact as float64.
 _LARGEST_EXACT = 1 << 53
@@ -135,6 +133,5 @@ def _dimensions(header: Header, path: Path) -> tuple[tuple[str, ...], Axes]:
     numbers = tuple(name for name in names if header.dtype[name].kind in "fiub")
     axes = axes_of([name if header.dtype[name].kind in "fiu" else "" for name in numbers])
     if axes.places is None:
-        listed = ", ".join(names[:_MOST_FIELDS_SHOWN]) + (", …" if len(names) > _MOST_FIELDS_SHOWN else "")
-        raise InvalidInput(f"{path} needs the numeric fields x, y and z; it has {listed}; {axes.problem()}")
+        raise InvalidInput(f"{path} needs the numeric fields x, y and z; it has {listed(names)}; {axes.problem()}")
     return numbers, axes

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InvalidInput
+from .axes import listed
 from .cloud import Chunk
 from .lattice import Lattice
 from .opening import reading
@@ -137,13 +138,15 @@ class TextSource:
         where = f"{self.path} line {rows.numbers[place]:,}: {shown(line)}"
         if width != due:
             raise InvalidInput(
-                f"{where} has {width:,} columns, the first point, in line {self.layout.skipped + 1:,}, has {due:,}; "
-                f"every line needs the same columns{hint(line)}"
+                f"{where} has {width:,} column{'s' * (width != 1)}, the first point, in line "
+                f"{self.layout.skipped + 1:,}, has {due:,}; every line needs the same columns{hint(line)}"
             )
         parts = split(line, self.layout.delimiter)
         odd = next((column for column in columns[3:] if not is_value(parts[column])), None)
         if odd is not None and all(is_value(parts[column]) for column in columns[:3]):
-            raise InvalidInput(f"{where} does not have a number for {self.layout.names[odd]}{hint(line)}")
+            raise InvalidInput(
+                f"{where} does not have a number for {listed(self.layout.names[odd : odd + 1])}{hint(line)}"
+            )
         raise InvalidInput(f"{where} does not have numbers for x, y and z{hint(line)}")
 
     def _note(self, damage: str) -> None:
@@ -182,7 +185,8 @@ class _Scans:
         if self._announced is not None and not self._mistake:
             line, count = self._announced
             if done - self._start != count:
-                self._mistake = f"announces {count:,} points in line {line:,}, but {done - self._start:,} follow"
+                self._mistake = f"announces {count:,} points in line {line:,}, but {done - self._start:,} follow; "
+                self._mistake += "all that are there were read"
         self._start = done
 
 

@@ -9,7 +9,7 @@ from .axes import Axes, sentence_on_degrees
 from .limits import MOST_COLUMNS
 from .opening import reading
 from .text_lines import BOM, without_comments
-from .text_names import Names, find_names
+from .text_names import Names, find_names, require_names
 from .text_numbers import has_split_decimals, may_have_split_decimals, split
 from .text_preamble import Preamble, delimiter_in, read_preamble
 
@@ -70,9 +70,11 @@ def read_layout(path: Path) -> tuple[TextLayout, bool]:
         preamble = read_preamble(file, path)
     has_bom = start.startswith(BOM)
     if not preamble.points:
+        if preamble.plain is not None:
+            require_names(path, preamble.plain)
         return _without_points(preamble, has_bom), True
     lines = [without_comments(point.text).rstrip(" ") for point in preamble.points]
-    delimiter = _delimiter(lines)
+    delimiter = _delimiter(lines, preamble)
     width = len(split(lines[0], delimiter))
     _require_columns(path, width)
     may_end = delimiter is not None and all(line.endswith(delimiter) for line in lines)
@@ -112,15 +114,17 @@ def _require_columns(path: Path, width: int) -> None:
         raise InvalidInput(f"{path} has {width:,} columns in a line, allowed: {MOST_COLUMNS:,}")
 
 
-def _delimiter(lines: Sequence[str]) -> str | None:
+def _delimiter(lines: Sequence[str], preamble: Preamble) -> str | None:
     """Tell what separates columns; a tab does where it stands alone, so that columns may be empty or hold blanks."""
     mark = delimiter_in(lines[0])
     if mark is not None or "\t" not in lines[0].strip():
         return mark
     parts = [part.strip(" ") for part in lines[0].split("\t")]
-    are_whole = len(parts) >= 3 and all(parts) and not any(" " in part for part in parts[:3])
+    before = [*preamble.comments, *([preamble.plain] if preamble.plain else [])]
+    is_named = any(line.text.count("\t") == len(parts) - 1 for line in before)
+    are_whole = all(parts) and not any(" " in part for part in parts[:3])
     is_everywhere = len({line.count("\t") for line in lines if line.strip()}) == 1
-    return "\t" if are_whole and is_everywhere else None
+    return "\t" if len(parts) >= 3 and (is_named or are_whole) and is_everywhere else None
 
 
 def _by_place(path: Path, lines: Sequence[str], delimiter: str | None, width: int) -> Names:

@@ -91,7 +91,7 @@ def blocks(file: BinaryIO) -> Iterator[Block]:
         After everything that stands before the line.
     """
     number, rest = 1, b""
-    ahead = file.read(BLOCK_BYTES).removeprefix(BOM)
+    ahead = file.read(len(BOM)).removeprefix(BOM) + file.read(BLOCK_BYTES)
     while ahead:
         data = rest + ahead
         ahead = file.read(BLOCK_BYTES)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import InvalidInput
-from .axes import ALLOWED, Axes, axes_of
+from .axes import ALLOWED, Axes, axes_of, listed
 from .text_numbers import hint, is_number
 from .text_preamble import Line, readable, shown
 
@@ -36,6 +37,21 @@ class Names(NamedTuple):
     joiner: str
     words: tuple[str, ...]
     axes: Axes
+
+
+def require_names(path: Path, line: Line) -> None:
+    """Refuse a line that no points follow, unless it names x, y and z.
+
+    Raises
+    ------
+    InvalidInput
+        It is no line of names.
+    """
+    words = (_words(line.text, separator) for separator in (",", ";", "\t", None))
+    if not any(axes_of(each).places for each in words):
+        raise InvalidInput(
+            f"{path} line {line.number:,}: {shown(line.text)} is no point, nor does it name x, y and z{hint(line.text)}"
+        )
 
 
 def find_names(path: Path, preamble: Preamble, delimiter: str | None, widths: Sequence[int]) -> Names | None:
@@ -83,35 +99,41 @@ def find_names(path: Path, preamble: Preamble, delimiter: str | None, widths: Se
 
 def _plain(path: Path, line: Line, point: Line, delimiter: str | None, widths: Sequence[int]) -> Names:
     names = _fitting(line, delimiter, widths)
+    if foreign := hint(line.text):
+        raise InvalidInput(f"{path} line {line.number:,}: {shown(line.text)} is no point{foreign}")
     if names is None:
         raise InvalidInput(
             f"{path} line {line.number:,}: {shown(line.text)} is no point, and does not have one name for each of the "
             f"{widths[-1]} columns of line {point.number:,}; give every column a name, or put # in front of a comment"
-            f"{hint(line.text) or hint(point.text)}"
+            f"{hint(point.text) or _hint_of_halves(line, delimiter, widths)}"
         )
     if names.axes.places is None:
         raise InvalidInput(_unclear(path, names))
     return names
 
 
+def _hint_of_halves(line: Line, delimiter: str | None, widths: Sequence[int]) -> str:
+    is_half = delimiter == "," and 2 * len(_words(line.text, ",")) in widths
+    return "; if the commas are decimal commas, write points for them" if is_half else ""
+
+
 def _unclear(path: Path, names: Names) -> str:
-    listed = ", ".join(names.words)
     return (
-        f"{path} names its columns {listed}; {names.axes.problem()}: name the columns {ALLOWED}, "
+        f"{path} names its columns {listed(names.words)}; {names.axes.problem()}: name the columns {ALLOWED}, "
         "or remove the line of names to have the first three columns taken"
     )
 
 
 def _fitting(line: Line, delimiter: str | None, widths: Sequence[int]) -> Names | None:
     """Take the line as names, if it has one per column."""
-    for text in _texts(line):
-        for width in widths:
-            for separator in dict.fromkeys((delimiter, "\t", ",", ";", None)):
-                words = _words(text, separator)
-                if len(words) == width and all(words) and not all(map(is_number, words)):
-                    joiner = separator or ("\t" if "\t" in text else " ")
-                    return Names(line.text.rstrip(), joiner, tuple(words), axes_of(words))
-    return None
+    fitting = []
+    for text, width, separator in product(_texts(line), widths, dict.fromkeys((delimiter, "\t", ",", ";", None))):
+        words = _words(text, separator)
+        if len(words) == width and all(words) and not all(map(is_number, words)):
+            joiner = separator or ("\t" if "\t" in text else " ")
+            fitting.append(Names(line.text.rstrip(), joiner, tuple(words), axes_of(words)))
+    # "id, x, y, z" has four words between blanks as well, of which the first three end in commas.
+    return next((names for names in fitting if names.axes.places is not None), fitting[0] if fitting else None)
 
 
 def _texts(line: Line) -> list[str]:
@@ -134,6 +156,8 @@ def _says_other_axes(line: Line, widths: Sequence[int]) -> bool:
         words = re.split(r"[,;\s]+", readable(text).strip(",; "))
         if any(map(is_number, words)) or min(abs(len(words) - width) for width in widths) > _WORDS_AMISS:
             continue
+        if any(axes_of(words[-width:]).places == (0, 1, 2) for width in widths):
+            continue  # a sentence that ends in x y z
         axes = axes_of(words)
         if axes.twins or (axes.places is not None and axes.places != (0, 1, 2)):
             return True

@@ -44,9 +44,10 @@ def unquoted(text: str) -> str:
 
 def hint(line: str) -> str:
     """Say how to write numbers that are not read as they stand; empty if there are none of a known kind."""
-    # Columns that are no commas are tried first: in 1,0;2,0;3,0 the commas are not between columns.
     quoted = re.findall(r'"([^"]*)"', line)
-    tokens = [*quoted, *(part.strip("\"'") for part in re.split(r"[;\s]+", line)), *line.split(",")]
+    parts = [part.strip("\"'") for part in re.split(r"[;\s]+", line)]
+    # Where there is nothing but commas, they stand between columns.
+    tokens = [*quoted, *(parts if len(parts) > 1 else ()), *line.split(",")]
     for pattern, kind, right in _FOREIGN:
         if any(re.fullmatch(pattern, token.strip(), re.ASCII) for token in tokens):
             return f"; numbers with {kind} are not read: write {right}"

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from ..errors import InvalidInput
-from .text_lines import LineTooLong, blocks, to_bytes
+from .text_lines import LineTooLong, blocks, to_bytes, without_comments
 from .text_numbers import hint, is_number, is_value, split
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def read_preamble(file: BinaryIO, path: Path) -> Preamble:
     lines = _lines(file)
     try:
         for line in lines:
-            if is_point(line.text):
+            if is_point(without_comments(line.text)):
                 more = (each for each in islice(lines, _SAMPLED_LINES) if not _is_comment(each.text))
                 found.points = [line, *more]
                 break
@@ -99,7 +99,7 @@ def shown(line: str) -> str:
 def _lines(file: BinaryIO) -> Iterator[Line]:
     for block in blocks(file):
         for number, text in enumerate(block.text.split("\n"), block.first):
-            if text.strip():
+            if text.strip(" \t\f\v,;"):
                 yield Line(number, text)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.lib import format as npy_format
 
 from ..errors import InvalidInput
+from .axes import listed
 from .labels import NO_SEGMENT, SEGMENT_DIMENSION
 from .text_lines import BOM, to_bytes
 
@@ -104,7 +105,7 @@ def _require_same_columns(first: TextSource, other: TextSource) -> None:
 
 def _listed(layout: TextLayout) -> str:
     mark = {None: "blanks", "\t": "tabs"}.get(layout.delimiter, f"{layout.delimiter!r}")
-    return f"{', '.join(layout.names)} (between {mark})"
+    return f"{listed(layout.names)} (between {mark})"
 
 
 class CoordinateSink:
