@@ -125,7 +125,7 @@ REFUSED: dict[str, tuple[bytes, type[StreamsegError], str]] = {
     "many fields": (
         with_header(described([(f"{i}", "u1") for i in range(3800)], (1,)), (2, 0)),
         InvalidInput,
-        "needs the numeric fields x, y and z; it has 0, 1, 2, .*, 13, …; which of them is x and y and z is not clear",
+        "needs the numeric fields x, y and z; it has 0, 1, 2, .*, 19, …; which of them is x and y and z is not clear",
     ),
     "large fields": (
         with_header(described([*XYZ, ("a", "V2000000000")], (1,))),
@@ -206,6 +206,11 @@ def test_blocks_are_bounded_in_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_as_many_columns_as_are_allowed(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.ones((2, limits.MOST_COLUMNS), "u1"))
     assert len(open_cloud(tmp_path / "a.npy").dimensions) == limits.MOST_COLUMNS
+
+
+def test_any_nan_is_read_without_a_complaint(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.full((1, 3), 0x7F800001, "u4").view("f4"))
+    assert np.isnan(points_of(open_cloud(tmp_path / "a.npy"))).all()
 
 
 @pytest.mark.parametrize("dtype", ["i8", "u8"])

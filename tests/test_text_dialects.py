@@ -59,6 +59,7 @@ READ: dict[str, tuple[str, str | bytes, str]] = {
     "a sentence": (".txt", "# made by hand.\n1 2 3\n4 5 6\n", "x y z"),
     "a sentence on x y z": (".txt", "# points in x y z\n1 2 3\n4 5 6\n", "x y z"),
     "a long sentence on x y z": (".txt", "# we turned the axes id x y z a bit\n1 2 3\n4 5 6\n", "x y z"),
+    "numbers behind slashes": (".txt", "// 7 8 9 7\n1 2 3\n4 5 6\n", "x y z"),
     "numbers in a comment": (".txt", "# x y 3\n1 2 3\n4 5 6\n", "x y z"),
     "CloudCompare": (".asc", "//X Y Z R G B\n2\n1 2 3 9 9 9\n4 5 6 9 9 9\n", "X Y Z R G B"),
     "count, then names": (".txt", "2\nX Y Z\n1 2 3\n4 5 6\n", "X Y Z"),

@@ -76,8 +76,10 @@ class NpySource:
             for start in range(0, readable, size):
                 columns = self._columns(file, start, min(start + size, readable), names)
                 points = np.empty((len(columns[0]), 3))
-                for axis in range(3):
-                    points[:, axis] = self._exact(columns[axis])
+                # Not every NaN is converted without a complaint.
+                with np.errstate(all="ignore"):
+                    for axis in range(3):
+                        points[:, axis] = self._exact(columns[axis])
                 others = zip(names[3:], columns[3:], strict=True)
                 yield Chunk(points, {name: np.array(column) for name, column in others})
         if readable < announced:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 # What a column is called, as against the words and marks of a sentence.
 _NAME = re.compile(r"[^\W\d]([^\s,;:!?]*[^\s,;:!?.])?")
 
+# On the average of a line.
+_LONGEST_NAME = 100
+
 # A comment that says where x, y and z are, and has this many words more or less than there are columns, is no prose.
 _WORDS_AMISS = 2
 
@@ -126,7 +129,9 @@ def _unclear(path: Path, names: Names) -> str:
 
 def _fitting(line: Line, delimiter: str | None, widths: Sequence[int]) -> Names | None:
     """Take the line as names, if it has one per column."""
-    fitting = []
+    fitting: list[Names] = []
+    if len(line.text) > _LONGEST_NAME * (max(widths) + 1):
+        return None
     for text, width, separator in product(_texts(line), widths, dict.fromkeys((delimiter, "\t", ",", ";", None))):
         words = _words(text, separator)
         if len(words) == width and all(words) and not all(map(is_number, words)):
@@ -144,8 +149,12 @@ def _texts(line: Line) -> list[str]:
 
 
 def _words(text: str, separator: str | None) -> list[str]:
-    word = r'("[^"]*"|\S+)' if separator is None else rf'(?:^|{separator})((?:"[^"]*"|[^{separator}])*)'
-    words = [readable(each).strip().strip("\"'") for each in re.findall(word, text)]
+    if '"' in text:
+        word = r'("[^"]*"|\S+)' if separator is None else rf'(?:^|{separator})((?:"[^"]*"|[^{separator}])*)'
+        parts = re.findall(word, text)
+    else:
+        parts = text.split(separator)
+    words = [readable(part).strip().strip("\"'") for part in parts]
     # A delimiter at the end has no name behind it.
     return words[:-1] if words and not words[-1] else words
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _NO_VALUE = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
+_LONGEST_LOOKED_AT = 10_000
+
 # In the order in which they are tried: 1,000,000 is no decimal comma, 1,5 is.
 _FOREIGN = (
     (r"[-+]?\d{1,3}((,\d{3})+\.\d*|(,\d{3}){2,})", "commas between thousands", "1234.5, without them"),
@@ -44,6 +46,7 @@ def unquoted(text: str) -> str:
 
 def hint(line: str) -> str:
     """Say how to write numbers that are not read as they stand; empty if there are none of a known kind."""
+    line = line[:_LONGEST_LOOKED_AT]
     quoted = re.findall(r'"([^"]*)"', line)
     parts = [part.strip("\"'") for part in re.split(r"[;\s]+", line)]
     # Where there is nothing but commas, they stand between columns.

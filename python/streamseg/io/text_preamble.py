@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _SAMPLED_LINES = 100
 _COMMENTS_KEPT = 100
+_LONGEST_COMMENT = 1 << 17
 _LONGEST_LINE_SHOWN = 60
 
 
@@ -56,7 +57,7 @@ def read_preamble(file: BinaryIO, path: Path) -> Preamble:
     lines = _lines(file)
     try:
         for line in lines:
-            if is_point(without_comments(line.text)):
+            if not _is_comment(line.text) and is_point(without_comments(line.text)):
                 more = (each for each in islice(lines, _SAMPLED_LINES) if not _is_comment(each.text))
                 found.points = [line, *more]
                 break
@@ -110,7 +111,8 @@ def _is_comment(text: str) -> bool:
 def _note(path: Path, found: Preamble, line: Line) -> None:
     text = line.text.strip()
     if _is_comment(text):
-        found.comments.append(line)
+        if len(text) <= _LONGEST_COMMENT:
+            found.comments.append(line)
     elif re.fullmatch(r"\d{1,18}", text, re.ASCII):
         if found.count is not None and found.count[1] > 0:
             raise InvalidInput(
