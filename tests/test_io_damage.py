@@ -209,6 +209,7 @@ def test_a_folder_and_an_unknown_suffix_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.las").mkdir()
     with pytest.raises(FileError, match="cannot be read"):
         open_cloud(tmp_path / "a.las")
+    (tmp_path / "a.e57").touch()
     with pytest.raises(InvalidInput, match=r"ends in '\.e57', which is not known; known are \.las"):
         open_cloud(tmp_path / "a.e57")
     with pytest.raises(InvalidInput, match="no input file was given"):

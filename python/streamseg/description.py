@@ -87,6 +87,8 @@ def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
         yield "order", f"sorted along {' and '.join(sorted_along)}" if sorted_along else "sorted along neither x nor y"
         yield from _suggestion(path, points, high - low)
     yield "dimensions", ", ".join(cloud.dimensions)
+    if said := getattr(cloud.sources[0], "columns_said", None):
+        yield "x, y, z", said
 
 
 def _suggestion(path: Path, points: int, extent: np.ndarray) -> Iterator[tuple[str, str]]:

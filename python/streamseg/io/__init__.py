@@ -9,11 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import FileError, InvalidInput
+from ..errors import InvalidInput
 from . import npy, text
 from .cloud import Chunk, Cloud, Source
 from .labels import LabelSource, LabelSpool
 from .lattice import Lattice
+from .opening import require_file, telling
 from .output import check_output
 from .sink import check_kind, read_labels, write_labelled
 
@@ -48,7 +49,7 @@ def open_cloud(paths: Path | str | Sequence[Path | str]) -> Cloud:
     Raises
     ------
     FileError
-        A file is missing, empty, or not what its suffix says.
+        A file is missing, no regular file, empty, or not what its suffix says.
     InvalidInput
         A suffix is unknown, the files are of different kinds, or there are no points.
     MissingExtra
@@ -69,18 +70,15 @@ def open_cloud(paths: Path | str | Sequence[Path | str]) -> Cloud:
 
 
 def _open_source(path: Path) -> Source:
+    require_file(path)
     suffix = path.suffix.lower()
     if suffix not in (*_LAS_SUFFIXES, ".npy", *text.SUFFIXES):
         raise InvalidInput(
             f"{path} ends in {suffix!r}, which is not known; known are .las, .laz, .npy, {', '.join(text.SUFFIXES)}"
         )
-    try:
+    with telling(path):
         if suffix in _LAS_SUFFIXES:
             from .las import LasSource
 
             return LasSource(path)
         return npy.NpySource(path) if suffix == ".npy" else text.TextSource(path)
-    except FileNotFoundError:
-        raise FileError(f"{path} does not exist") from None
-    except (IsADirectoryError, PermissionError) as error:
-        raise FileError(f"{path} cannot be read: {error.strerror}") from error

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-from numpy.lib import format as npy_format
 
-from ..errors import FileError, InvalidInput
+from ..errors import FileError, InvalidInput, warn
+from .axes import Axes, axes_of, listed, sentence_on_degrees
 from .cloud import Chunk, damage_sentence
 from .lattice import Lattice
+from .limits import BLOCK_BYTES
+from .npy_header import Header, read_header
+from .opening import reading
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -18,12 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
-class _Header(NamedTuple):
-    shape: tuple[int, ...]
-    by_column: bool
-    dtype: np.dtype[Any]
-    data_at: int
+# Whole numbers up to this are exact as float64.
+_LARGEST_EXACT = 1 << 53
 
 
 class NpySource:
@@ -31,6 +30,13 @@ class NpySource:
 
     Either an ``(n, 3)`` or wider array of numbers, whose first columns are x, y and z and whose others are called
     ``column_4``, ``column_5``, …; or a structured ``(n,)`` array with the fields x, y and z.
+
+    Attributes
+    ----------
+    coordinate_system_hint : "degrees" or None
+        What the names of x and y say of the coordinate system.
+    columns_said : str
+        Which columns are x, y and z, for people.
     """
 
     kind = "npy"
@@ -39,13 +45,23 @@ class NpySource:
         self.path = path
         self.lattice = Lattice()
         self.damage: str | None = None
-        with open(path, "rb") as file:
-            header = _read_header(file, path)
+        with reading(path) as file:
+            header = read_header(file, path)
             self._bytes_of_points = os.fstat(file.fileno()).st_size - header.data_at
         self._header = header
-        self.dimensions, self._xyz = _dimensions(header, path)
+        self.dimensions, axes = _dimensions(header, path)
+        x, y, z = axes.places or (0, 1, 2)
+        self._xyz = (self.dimensions[x], self.dimensions[y], self.dimensions[z])
         self.point_count: int | None = header.shape[0]
         self.number_type = header.dtype if header.dtype.names is None else header.dtype[self._xyz[0]]
+        self.coordinate_system_hint = "degrees" if axes.in_degrees else None
+        self.columns_said = (
+            "columns 1, 2 and 3, which have no names"
+            if header.dtype.names is None
+            else "fields {}, {} and {}".format(*self._xyz)
+        )
+        if axes.in_degrees:
+            warn(sentence_on_degrees(path))
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
         """Yield the points as float64."""
@@ -55,22 +71,29 @@ class NpySource:
         self.damage = None
         announced = self._header.shape[0]
         readable = self._readable(names)
-        with open(self.path, "rb") as file:
+        size = min(size, max(1, BLOCK_BYTES // self._bytes_at_once()))
+        with reading(self.path) as file:
             for start in range(0, readable, size):
                 columns = self._columns(file, start, min(start + size, readable), names)
                 points = np.empty((len(columns[0]), 3))
-                for axis in range(3):
-                    points[:, axis] = columns[axis]
+                # Not every NaN is converted without a complaint.
+                with np.errstate(all="ignore"):
+                    for axis in range(3):
+                        points[:, axis] = self._exact(columns[axis])
                 others = zip(names[3:], columns[3:], strict=True)
                 yield Chunk(points, {name: np.array(column) for name, column in others})
         if readable < announced:
             self.damage = damage_sentence(self.path, readable, announced, "unexpected end of file")
 
+    def _bytes_at_once(self) -> int:
+        """Bytes that are read together for each point."""
+        return self._header.dtype.itemsize * (1 if self._header.by_column else self._header.width)
+
     def _readable(self, names: tuple[str, ...]) -> int:
-        rows, width = self._header.shape[0], self._width
+        rows = self._header.shape[0]
         items = self._bytes_of_points // self._header.dtype.itemsize
         if not self._header.by_column:
-            return min(rows, items // width)
+            return min(rows, items // self._header.width)
         last = max(self.dimensions.index(name) for name in names)
         return max(0, min(rows, items - last * rows))
 
@@ -79,10 +102,10 @@ class NpySource:
         if header.by_column:
             rows = header.shape[0]
             return [self._items(file, self.dimensions.index(name) * rows + start, count) for name in names]
-        items = self._items(file, start * self._width, count * self._width)
+        items = self._items(file, start * header.width, count * header.width)
         if header.dtype.names is not None:
             return [items[name] for name in names]
-        table = items.reshape(count, self._width)
+        table = items.reshape(count, header.width)
         return [table[:, self.dimensions.index(name)] for name in names]
 
     def _items(self, file: BinaryIO, first: int, count: int) -> NDArray[Any]:
@@ -92,35 +115,25 @@ class NpySource:
             raise FileError(f"{self.path} became shorter while it was read")
         return items
 
-    @property
-    def _width(self) -> int:
-        return self._header.shape[1] if len(self._header.shape) == 2 else 1
+    def _exact(self, column: NDArray[Any]) -> NDArray[Any]:
+        """Refuse whole numbers that are no longer told apart as float64."""
+        if column.dtype.kind in "iu" and column.dtype.itemsize == 8 and len(column):
+            largest = max(abs(int(column.min())), abs(int(column.max())))
+            if largest > _LARGEST_EXACT:
+                raise InvalidInput(
+                    f"{self.path} has coordinates such as {largest}: whole numbers beyond "
+                    f"{_LARGEST_EXACT} are not kept apart; take an offset from them"
+                )
+        return column
 
 
-def _read_header(file: BinaryIO, path: Path) -> _Header:
-    if os.fstat(file.fileno()).st_size == 0:
-        raise FileError(f"{path} is empty, a .npy file was expected")
-    try:
-        version = npy_format.read_magic(file)
-        read = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
-        shape, by_column, dtype = read(file)
-    except (ValueError, EOFError, OSError) as error:
-        raise FileError(f"{path} is no .npy file that can be read: {error}") from error
-    return _Header(shape, bool(by_column) and len(shape) == 2, dtype, file.tell())
-
-
-def _dimensions(header: _Header, path: Path) -> tuple[tuple[str, ...], tuple[str, str, str]]:
-    shape, dtype = header.shape, header.dtype
-    if dtype.names is not None and len(shape) == 1:
-        by_lower = {name.lower(): name for name in dtype.names}
-        found = [by_lower.get(axis) for axis in "xyz"]
-        numbers = [name for name in dtype.names if dtype[name].kind in "fiub"]
-        if any(name not in numbers for name in found):
-            raise InvalidInput(f"{path} needs the numeric fields x, y and z; it has {', '.join(dtype.names)}")
-        x, y, z = (str(name) for name in found)
-        return tuple(numbers), (x, y, z)
-    if dtype.kind not in "fiu":
-        raise InvalidInput(f"{path} holds {dtype}, expected numbers: float or integer")
-    if len(shape) != 2 or shape[1] < 3:
-        raise InvalidInput(f"{path} has shape {shape}, expected (n, 3) or wider")
-    return ("x", "y", "z", *(f"column_{i}" for i in range(4, shape[1] + 1))), ("x", "y", "z")
+def _dimensions(header: Header, path: Path) -> tuple[tuple[str, ...], Axes]:
+    names = header.dtype.names
+    if names is None:
+        others = (f"column_{place}" for place in range(4, header.width + 1))
+        return ("x", "y", "z", *others), Axes((0, 1, 2))
+    numbers = tuple(name for name in names if header.dtype[name].kind in "fiub")
+    axes = axes_of([name if header.dtype[name].kind in "fiu" else "" for name in numbers])
+    if axes.places is None:
+        raise InvalidInput(f"{path} needs the numeric fields x, y and z; it has {listed(names)}; {axes.problem()}")
+    return numbers, axes

@@ -106,10 +106,10 @@ def check_kind(cloud: Cloud, out: Path | str) -> None:
     Raises
     ------
     InvalidInput
-        LAS files whose point formats or sizes do not go together.
+        LAS files whose point formats or sizes do not go together, or text files whose columns differ.
     """
     suffix = Path(out).suffix.lower()
-    if cloud.kind == "las" and suffix in (".las", ".laz"):
+    if (cloud.kind == "las" and suffix in (".las", ".laz")) or (cloud.kind == "text" and suffix in TEXT_SUFFIXES):
         _sink(cloud, suffix)
 
 

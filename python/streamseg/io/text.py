@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import re
-from itertools import islice
-from typing import IO, TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import FileError, InvalidInput
+from ..errors import InvalidInput
+from .axes import listed
 from .cloud import Chunk
 from .lattice import Lattice
+from .opening import reading
+from .text_layout import TextLayout, read_layout
+from .text_lines import LineTooLong, Rows, blocks, rows_of
+from .text_numbers import hint, is_value, split
+from .text_preamble import shown
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -18,45 +22,27 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from .text_lines import Block
+
 SUFFIXES = (".xyz", ".txt", ".csv", ".pts", ".asc")
 
-_SNIFFED_BYTES = 1 << 16
-_LINES_AT_ONCE = 200_000
-_LONGEST_LINE_SHOWN = 60
-
-# What the columns of x, y and z are called, whatever their case; where several are there, the first of these.
-_NAMES = (
-    ("x", "easting", "east", "e"),
-    ("y", "northing", "north", "n"),
-    ("z", "height", "elevation", "altitude", "h"),
-)
-
-
-class TextLayout(NamedTuple):
-    """How the lines of a file are put together.
-
-    delimiter : the character between columns; None for any run of blanks and tabs
-    joiner : what to put between the last column and one that is appended
-    skipped : lines in front of the first point
-    header : the line that names the columns, without its line end; None when there is none
-    names : one per column
-    xyz : index of the columns x, y and z
-    """
-
-    delimiter: str | None
-    joiner: str
-    skipped: int
-    header: str | None
-    names: tuple[str, ...]
-    xyz: tuple[int, int, int]
+__all__ = ["SUFFIXES", "TextLayout", "TextSource"]
 
 
 class TextSource:
     """One text file. See `streamseg.io.cloud.Source`.
 
-    Columns are separated by commas, semicolons, tabs or blanks. A first line of names says which columns are x (or
-    easting), y (or northing) and z (or height, elevation); without one they are the first three columns. ``#`` starts
-    a comment. In a ``.pts`` file the first line is the number of points.
+    Columns are separated by commas, semicolons, tabs or blanks. A line of names before the points, also behind ``#``
+    or ``//``, says which columns are x (or easting), y (or northing) and z (or height, elevation); without one they
+    are the first three columns. Every line has the same columns. ``#`` starts a comment. A number alone in a line
+    before the points announces how many follow.
+
+    Attributes
+    ----------
+    coordinate_system_hint : "degrees" or None
+        What the names of x and y say of the coordinate system.
+    columns_said : str
+        Which columns are x, y and z, for people.
     """
 
     kind = "text"
@@ -65,14 +51,18 @@ class TextSource:
         self.path = path
         self.lattice = Lattice()
         self.damage: str | None = None
-        self.layout, is_empty = _sniff(path)
+        self.layout, is_empty = read_layout(path)
         self.point_count: int | None = 0 if is_empty else None
         self.dimensions = self.layout.names
+        self.coordinate_system_hint = "degrees" if self.layout.axes.in_degrees else None
+        self.columns_said = _columns_said(self.layout)
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
         """Yield the points as float64; attributes are float64 too."""
-        for lines, table in self._parsed(size, [self.layout.names.index(name) for name in attributes]):
-            del lines
+        twins = [name for name in attributes if self.layout.names.count(name) > 1]
+        if twins:
+            raise InvalidInput(f"{self.path} has several columns {twins[0]!r}; give each a name of its own")
+        for _, table in self._parsed(size, [self.layout.names.index(name) for name in attributes]):
             points = np.ascontiguousarray(table[:, :3])
             others = {name: np.ascontiguousarray(table[:, 3 + i]) for i, name in enumerate(attributes)}
             yield Chunk(points, others)
@@ -85,24 +75,39 @@ class TextSource:
     def _parsed(self, size: int, others: list[int]) -> Generator[tuple[list[str], NDArray[np.float64]], None, None]:
         self.damage = None
         columns = [*self.layout.xyz, *others]
-        done, at = 0, self.layout.skipped
-        with open_text(self.path) as file:
-            for _ in islice(file, self.layout.skipped):
-                pass
-            while raw := list(islice(file, min(size, _LINES_AT_ONCE))):
-                lines = [line for text in raw if (line := text.partition("#")[0].rstrip())]
-                try:
-                    table = self._parse(lines, columns)
-                except ValueError:
-                    good = self._count_parsable(lines, columns)
-                    ends_here = good == len(lines) - 1 and next(file, None) is None
-                    self._explain(raw, lines[good], at, done + good, ends_here)
-                    lines = lines[:good]
-                    table = self._parse(lines, columns)
-                if lines:
-                    yield lines, table
-                at += len(raw)
-                done += len(lines)
+        scans = _Scans(self.layout.announced)
+        done = 0
+        with reading(self.path) as file:
+            try:
+                for block in blocks(file):
+                    rows = scans.without_counts(self._rows(block), done)
+                    lines, table = self._sound(rows, columns, done, block.is_last)
+                    for start in range(0, len(lines), size):
+                        yield lines[start : start + size], table[start : start + size]
+                    done += len(lines)
+            except LineTooLong as error:
+                if done == 0:
+                    raise InvalidInput(f"{self.path} {error}") from None
+                self._note(f"{self.path.name} is damaged: {error}; the {done:,} points before it were read")
+        if said := scans.mistake(done):
+            self._note(f"{self.path.name} {said}")
+
+    def _rows(self, block: Block) -> Rows:
+        rows = rows_of(block, self.layout.delimiter, self.layout.ends_in_delimiter)
+        return rows.where(rows.numbers > self.layout.skipped) if block.first <= self.layout.skipped else rows
+
+    def _sound(self, rows: Rows, columns: list[int], done: int, is_last: bool) -> tuple[list[str], NDArray[np.float64]]:
+        """Parse the rows; all of them, or those before a last line that is cut off."""
+        odd = np.flatnonzero(rows.widths != len(self.layout.names))
+        sound = int(odd[0]) if len(odd) else len(rows.lines)
+        try:
+            table = self._parse(rows.values[:sound], columns)
+        except ValueError:
+            sound = self._count_parsable(rows.values[:sound], columns)
+            table = self._parse(rows.values[:sound], columns)
+        if sound < len(rows.lines):
+            self._explain(rows, sound, columns, done, is_last and sound == len(rows.lines) - 1)
+        return rows.lines[:sound], table
 
     def _parse(self, lines: list[str], columns: list[int]) -> NDArray[np.float64]:
         if not lines:
@@ -121,90 +126,72 @@ class TextSource:
                 bad = probe
         return good
 
-    def _explain(self, raw: list[str], line: str, at: int, done: int, is_last: bool) -> None:
-        shown = line if len(line) <= _LONGEST_LINE_SHOWN else line[:_LONGEST_LINE_SHOWN] + "…"
-        if is_last and done > 0:
-            self.damage = (
-                f"{self.path.name} is damaged in its last line ({shown!r}); the {done:,} points before it were read"
+    def _explain(self, rows: Rows, place: int, columns: list[int], done: int, is_last: bool) -> None:
+        """Tell what is the matter with a line."""
+        line, width, due = rows.lines[place], int(rows.widths[place]), len(self.layout.names)
+        if is_last and width <= due and done + place > 0:
+            self._note(
+                f"{self.path.name} is damaged in its last line ({shown(line)}); "
+                f"the {done + place:,} points before it were read"
             )
             return
-        number = at + 1 + next(i for i, text in enumerate(raw) if text.startswith(line))
-        raise InvalidInput(f"{self.path} line {number:,}: {shown!r} does not have numbers for x, y and z")
+        where = f"{self.path} line {rows.numbers[place]:,}: {shown(line)}"
+        if width != due:
+            raise InvalidInput(
+                f"{where} has {width:,} column{'s' * (width != 1)}, the first point, in line "
+                f"{self.layout.skipped + 1:,}, has {due:,}; every line needs the same columns{hint(line)}"
+            )
+        parts = split(line, self.layout.delimiter)
+        odd = next((column for column in columns[3:] if not is_value(parts[column])), None)
+        if odd is not None and all(is_value(parts[column]) for column in columns[:3]):
+            raise InvalidInput(
+                f"{where} does not have a number for {listed(self.layout.names[odd : odd + 1])}{hint(line)}"
+            )
+        raise InvalidInput(f"{where} does not have numbers for x, y and z{hint(line)}")
+
+    def _note(self, damage: str) -> None:
+        self.damage = damage if self.damage is None else f"{self.damage}; {damage}"
 
 
-def open_text(path: Path) -> IO[str]:
-    """Open a text file so that its lines come back as they are, odd bytes included."""
-    return open(path, encoding="utf-8-sig", errors="surrogateescape", newline="")
+class _Scans:
+    """The numbers of points that a file announces, one in front of each of its scans, against what follows."""
+
+    def __init__(self, first: tuple[int, int] | None) -> None:
+        self._announced = first
+        self._start = 0
+        self._mistake = ""
+
+    def without_counts(self, rows: Rows, done: int) -> Rows:
+        """Take note of lines that announce a number of points, and leave them out."""
+        if self._announced is None:
+            return rows
+        is_count = np.zeros(len(rows.lines), np.bool_)
+        counts = 0
+        for place in np.flatnonzero(rows.widths == 1).tolist():
+            line = rows.lines[place].strip()
+            if line.isdecimal() and len(line) <= 18:
+                self._end(done + place - counts)
+                self._announced = (int(rows.numbers[place]), int(line))
+                is_count[place] = True
+                counts += 1
+        return rows.where(~is_count)
+
+    def mistake(self, done: int) -> str:
+        """Say, at the end, which number is wrong; empty if none is."""
+        self._end(done)
+        return self._mistake
+
+    def _end(self, done: int) -> None:
+        if self._announced is not None and not self._mistake:
+            line, count = self._announced
+            if done - self._start != count:
+                self._mistake = f"announces {count:,} points in line {line:,}, but {done - self._start:,} follow; "
+                self._mistake += "all that are there were read"
+        self._start = done
 
 
-def _sniff(path: Path) -> tuple[TextLayout, bool]:
-    with open(path, "rb") as file:
-        start = file.read(_SNIFFED_BYTES)
-    if not start.strip():
-        raise FileError(f"{path} is empty, lines of x y z were expected")
-    if b"\0" in start:
-        raise FileError(f"{path} is no text file, though its name ends in {path.suffix}")
-    skipped, header, line = 0, None, None
-    with open_text(path) as file:
-        for text in file:
-            content = text.strip()
-            if content and not content.startswith("#"):
-                if _is_point(content):
-                    line = content
-                    break
-                if header is None and not (path.suffix.lower() == ".pts" and content.isdigit()):
-                    header = text.rstrip("\r\n")
-                elif header is not None:
-                    raise InvalidInput(
-                        f"{path} line {skipped + 1}: {content[:_LONGEST_LINE_SHOWN]!r} is no point; "
-                        "expected x y z separated by comma, semicolon, tab or blank, after at most one line of names"
-                    )
-            skipped += 1
-    delimiter = _delimiter(line if line is not None else header or "")
-    joiner = delimiter or ("\t" if "\t" in (line or "") else " ")
-    names, xyz = _columns(path, header, line, delimiter)
-    return TextLayout(delimiter, joiner, skipped, header, names, xyz), line is None
-
-
-def _delimiter(line: str) -> str | None:
-    return next((mark for mark in ";," if mark in line), None)
-
-
-def _split(line: str, delimiter: str | None) -> list[str]:
-    return [part.strip() for part in line.split(delimiter)]
-
-
-def _is_point(line: str) -> bool:
-    parts = _split(line, _delimiter(line))
-    try:
-        return len([float(part) for part in parts[:3]]) == 3
-    except ValueError:
-        # A name in front of the coordinates is fine when a header says where they are.
-        return len(parts) > 3 and sum(_is_number(part) for part in parts) >= 3
-
-
-def _is_number(text: str) -> bool:
-    return re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) is not None
-
-
-def _columns(
-    path: Path, header: str | None, line: str | None, delimiter: str | None
-) -> tuple[tuple[str, ...], tuple[int, int, int]]:
-    width = len(_split(line, delimiter)) if line is not None else 3
-    default = ("x", "y", "z", *(f"column_{i}" for i in range(4, width + 1)))
-    if header is None:
-        return default, (0, 1, 2)
-    names = [name.strip("\"'") for name in _split(header.lstrip().removeprefix("//"), delimiter)]
-    lower = [name.lower() for name in names]
-    found = [next((lower.index(name) for name in axis if name in lower), None) for axis in _NAMES]
-    x, y, z = found
-    if x is not None and y is not None and z is not None:
-        return tuple(names), (x, y, z)
-    if len(names) == width:
-        missing = [axis[0] for axis, place in zip(_NAMES, found, strict=True) if place is None]
-        raise InvalidInput(
-            f"{path} names its columns {', '.join(names)}; which of them is {' and '.join(missing)} is not clear: "
-            f"name the columns x, y and z (or easting, northing and height), or remove the line of names to have the "
-            "first three columns taken"
-        )
-    return default, (0, 1, 2)
+def _columns_said(layout: TextLayout) -> str:
+    if layout.header is None:
+        return "columns 1, 2 and 3, which have no names"
+    named = [f"column {place + 1} ({layout.names[place]})" for place in layout.xyz]
+    return f"{named[0]}, {named[1]} and {named[2]}"

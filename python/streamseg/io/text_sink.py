@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 import numpy as np
 from numpy.lib import format as npy_format
 
+from ..errors import InvalidInput
+from .axes import listed
 from .labels import NO_SEGMENT, SEGMENT_DIMENSION
+from .text_lines import BOM, to_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
 
     from .cloud import Cloud
     from .npy import NpySource
-    from .text import TextSource
+    from .text import TextLayout, TextSource
 
 _POINTS_AT_ONCE = 100_000
 _MOST_DECIMALS = 12
@@ -28,19 +31,31 @@ class LineSink:
     """Text in, text out: each line is kept and its segment id appended.
 
     A file that was written this way before has its ids replaced: its header ends in ``SegmentID``.
+
+    Raises
+    ------
+    InvalidInput
+        Lines of several files would not have the same columns.
     """
 
     def __init__(self, cloud: Cloud) -> None:
         self._cloud = cloud
         self._sources = cast("tuple[TextSource, ...]", cloud.sources)
+        for source in self._sources[1:]:
+            _require_same_columns(self._sources[0], source)
 
     def begin(self, file: BinaryIO) -> None:
         """Write the line of names, if the first file has one."""
         self._file = file
         layout = self._sources[0].layout
+        if layout.has_bom:
+            file.write(BOM)
         if layout.header is not None:
-            kept = self._without_ids([layout.header], 0)[0].rstrip()
-            file.write(_encoded(f"{kept}{layout.joiner}{SEGMENT_DIMENSION}\n"))
+            header = layout.header.rstrip()
+            if layout.ends_in_delimiter:
+                header = header.removesuffix(layout.header_joiner.strip())
+            kept = _without_last(layout, header, layout.header_joiner)
+            file.write(to_bytes(f"{kept}{layout.header_joiner}{SEGMENT_DIMENSION}\n"))
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and their lines, per block."""
@@ -55,19 +70,42 @@ class LineSink:
         index, lines = block
         if not kept.all():
             lines, ids = [line for line, keep in zip(lines, kept.tolist(), strict=True) if keep], ids[kept]
-        line_end = f"{self._sources[index].layout.joiner}%d\n"
-        pairs = zip(self._without_ids(lines, index), ids.tolist(), strict=True)
-        self._file.write(_encoded("".join(map(f"%s{line_end}".__mod__, pairs))))
+        layout = self._sources[index].layout
+        if layout.names[-1] == SEGMENT_DIMENSION:
+            lines = [_without_last(layout, line, layout.delimiter) for line in lines]
+        line_end = f"{layout.joiner}%d\n"
+        pairs = zip(lines, ids.tolist(), strict=True)
+        self._file.write(to_bytes("".join(map(f"%s{line_end}".__mod__, pairs))))
         return len(lines)
 
     def finish(self) -> None:
         """Nothing is left to do."""
 
-    def _without_ids(self, lines: list[str], index: int) -> list[str]:
-        layout = self._sources[index].layout
-        if layout.names[-1] != SEGMENT_DIMENSION:
-            return lines
-        return [line.rstrip().rsplit(layout.delimiter, 1)[0] for line in lines]
+
+def _without_last(layout: TextLayout, line: str, delimiter: str | None) -> str:
+    """Take the segment id of an earlier run away, if there is one."""
+    if layout.names[-1] != SEGMENT_DIMENSION:
+        return line
+    return line.rstrip().rsplit(delimiter if delimiter != " " else None, 1)[0]
+
+
+def _require_same_columns(first: TextSource, other: TextSource) -> None:
+    """Refuse files that cannot become one: what stands in a column would depend on the line."""
+    ours, theirs = first.layout, other.layout
+    if (ours.delimiter, ours.names) == (theirs.delimiter, theirs.names):
+        return
+    is_nameless = theirs.header is None and ours.xyz == theirs.xyz and len(ours.names) == len(theirs.names)
+    if is_nameless and ours.delimiter == theirs.delimiter:
+        return
+    raise InvalidInput(
+        f"{first.path} and {other.path} cannot become one text file: their columns are {_listed(ours)} and "
+        f"{_listed(theirs)}; write .las, .laz or .npy"
+    )
+
+
+def _listed(layout: TextLayout) -> str:
+    mark = {None: "blanks", "\t": "tabs"}.get(layout.delimiter, f"{layout.delimiter!r}")
+    return f"{listed(layout.names)} (between {mark})"
 
 
 class CoordinateSink:
@@ -161,7 +199,3 @@ def _number_format(cloud: Cloud) -> str:
 def _decimals(value: float) -> int:
     exponent = Decimal(repr(value)).normalize().as_tuple().exponent
     return max(0, -exponent) if isinstance(exponent, int) else 0
-
-
-def _encoded(text: str) -> bytes:
-    return text.encode("utf-8", "surrogateescape")
