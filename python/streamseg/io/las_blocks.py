@@ -1,0 +1,66 @@
+"""The points of a LAS or LAZ file as blocks of bounded size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
+
+import numpy as np
+
+from .las_plain import PlainPoints
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from .las_box import Box
+
+_BLOCK_BYTES = 1 << 24
+
+
+class Body(Protocol):
+    """The points of one file; see `laz.CompressedPoints`."""
+
+    count: int
+    unread: int
+    remark: str | None
+    reason: str
+
+    def pieces(self, selection: int = ...) -> Iterator[bytes]:
+        """Yield whole records."""
+
+
+def body_of(file: BinaryIO, path: Path, header: Any, box: Box) -> Body:
+    """Open the points of a file, as they are stored."""
+    if not header.are_points_compressed:
+        return PlainPoints(file, path, header)
+    from .laz import CompressedPoints
+
+    return CompressedPoints(file, path, header, box)
+
+
+def in_blocks(pieces: Iterator[bytes], dtype: np.dtype[Any], size: int, count: int) -> Iterator[NDArray[np.void]]:
+    """Put pieces of whole records together to blocks of `size` records, or of fewer that take 16 MB.
+
+    Parameters
+    ----------
+    count : int
+        How many records are to be expected.
+    """
+    most = max(1, min(size, _BLOCK_BYTES // dtype.itemsize))
+    block, filled = np.empty(min(most, count), dtype), 0
+    for piece in pieces:
+        records = np.frombuffer(piece, dtype)
+        while len(records):
+            if len(block) == 0:
+                block = np.empty(min(most, max(count, len(records))), dtype)
+            taken = min(len(records), len(block) - filled)
+            block[filled : filled + taken] = records[:taken]
+            records, filled = records[taken:], filled + taken
+            if filled == len(block):
+                count -= filled
+                yield block
+                block, filled = np.empty(max(0, min(most, count)), dtype), 0
+    if filled:
+        yield block[:filled]
