@@ -34,7 +34,7 @@ except ImportError as error:  # pragma: no cover - depends on the installation
 
 __all__ = ["LasSource", "laspy"]
 
-_SMALLEST_HEADER = 227
+_SMALLEST_HEADER, _OLD_COUNT_AT = 227, 107
 _MAX_HEADER_BYTES = 1 << 30
 _LARGEST_POINT_FORMAT = 10
 _SCALES, _LARGEST_OFFSET = (1e-12, 1e6), 1e12
@@ -69,7 +69,7 @@ class LasSource:
         with open(path, "rb") as file:
             self.header, self.vlrs = _read_header(file, path)
             self._box = Box(self.header)
-            self._body = body_of(file, path, self.header, self._box)
+            self._body = body_of(file, path, self.header, self._box, _old_count(file))
         self.header.point_count = self._body.count
         self._has_told, self._outside = False, 0
         self.point_count: int | None = self.header.point_count
@@ -184,7 +184,7 @@ def _parsed(raw: bytes, path: Path) -> Any:
     except Exception as error:  # laspy reports a damaged record as whatever its parser ran into
         raise FileError(f"{path} has a damaged header: {error}") from error
     # Some writers of version 1.4 fill in the old field only.
-    header.point_count = header.point_count or struct.unpack_from("<I", raw, 107)[0]
+    header.point_count = header.point_count or struct.unpack_from("<I", raw, _OLD_COUNT_AT)[0]
     scales, offsets = header.scales, header.offsets
     least, most = _SCALES
     is_usable = np.isfinite([scales, offsets]).all() and least <= scales.min() and scales.max() <= most
@@ -194,6 +194,12 @@ def _parsed(raw: bytes, path: Path) -> Any:
             f"finite numbers, the scale from {least:g} to {most:g}, the offset within {_LARGEST_OFFSET:g} of 0"
         )
     return header
+
+
+def _old_count(file: BinaryIO) -> int:
+    """Read the count that versions before 1.4 have, and later ones beside another; 0 if it says nothing."""
+    file.seek(_OLD_COUNT_AT)
+    return int.from_bytes(file.read(4), "little")
 
 
 def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: struct.Struct) -> list[Any]:

@@ -24,6 +24,7 @@ class Body(Protocol):
 
     count: int
     unread: int
+    fits: bool
     remark: str | None
     reason: str
 
@@ -31,8 +32,22 @@ class Body(Protocol):
         """Yield whole records."""
 
 
-def body_of(file: BinaryIO, path: Path, header: Any, box: Box) -> Body:
-    """Open the points of a file, as they are stored."""
+def body_of(file: BinaryIO, path: Path, header: Any, box: Box, old_count: int) -> Body:
+    """Open the points of a file, as they are stored, and take the count that fits if the header has two."""
+    body = _body_of(file, path, header, box)
+    counts = int(header.point_count), old_count
+    if not old_count or counts[0] == counts[1]:
+        return body
+    if not body.fits:
+        header.point_count = old_count
+        other = _body_of(file, path, header, box)
+        body = other if other.fits else body
+    said = f"{path.name} announces {counts[0]:,} points in one field of its header, and {counts[1]:,} in another"
+    body.remark = f"{said}; {body.count:,} are read"
+    return body
+
+
+def _body_of(file: BinaryIO, path: Path, header: Any, box: Box) -> Body:
     if not header.are_points_compressed:
         return PlainPoints(file, path, header)
     from .laz import CompressedPoints

@@ -25,7 +25,7 @@ class PlainPoints:
         self.reason = "unexpected end of file"
         room = max(0, _end_of_points(file, header) - self._start) // self._size
         self._there = min(self.count, room)
-        self.unread = room - self._there
+        self.unread, self.fits = room - self._there, room == self.count
         if self.count == 0 and room > 0:
             raise FileError(
                 f"{path} announces 0 points in its header, but has room for {room:,}; was the program stopped that "

@@ -33,6 +33,8 @@ class CompressedPoints:
         How many there are: what the header announces, or more if the chunks say so.
     unread : int
         How many points more than that the file holds, at most, that are not read; known after reading.
+    fits : bool
+        Whether the chunks are as many as the count needs, as far as is known without decoding.
     remark : str or None
         One sentence on what is wrong with the file, though all points can be read.
     reason : str
@@ -51,6 +53,7 @@ class CompressedPoints:
         if self._compression.chunk_size is None and self._layout is None:
             with Decoders() as decoders:
                 self._layout = self._found(decoders)
+        self.fits = self._finder.fits(self.count, self._layout)
         if self._layout is not None:
             self._hold_against_header(self._layout)
         if self.count == 0 and self._finder.has_data:

@@ -34,6 +34,7 @@ CHUNK, REST, EXTENT, TABLE = range(4)
 POINTWISE, CHUNKED, LAYERED = 1, 2, 3
 ITEMS_AT = 32
 _CHUNK_SIZE_AT = 12
+_ITEM = struct.Struct("<HHH")
 _EXTRA_BYTES = 14  # an item with one layer per byte
 
 # Layers are named by one bit each; shifted by one they are what lazrs calls a selection.
@@ -123,7 +124,8 @@ def layers_of(record: bytes) -> list[int]:
 def items_of(record: bytes) -> list[tuple[int, int, int]]:
     """List what a point consists of: kind, bytes and version of each item."""
     (count,) = struct.unpack_from("<H", record, ITEMS_AT)
-    return list(struct.iter_unpack("<HHH", record[ITEMS_AT + 2 : ITEMS_AT + 2 + 6 * count]))
+    there = min(count, (len(record) - ITEMS_AT - 2) // _ITEM.size)
+    return list(_ITEM.iter_unpack(record[ITEMS_AT + 2 : ITEMS_AT + 2 + there * _ITEM.size]))
 
 
 def _pieces(file: BinaryIO, request: Request) -> Iterator[bytes]:

@@ -118,10 +118,17 @@ class LayoutFinder:
         with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
             self._end = len(data)
             self._table_at = self._place_of_table(data)
+            self._chunks = 0 if self._table_at is None else struct.unpack_from("<I", data, self._table_at + 4)[0]
             self.has_data = (self._end if self._table_at is None else self._table_at) > self._start
             if self._compression.compressor == POINTWISE:
                 return self._one_chunk()
             return self._chain(data) if self._compression.layers else None
+
+    def fits(self, count: int, layout: Layout | None) -> bool:
+        """Whether that count is what the chunks hold, as far as is known without decoding."""
+        if layout is not None:
+            return int(layout.counts.sum()) == count
+        return self._compression.chunk_size is not None and self._chunks == -(-count // self._compression.chunk_size)
 
     def thoroughly(self, decoders: Decoders, is_inside: Any) -> Layout:
         """Find the others, by the table or without.
@@ -188,10 +195,7 @@ class LayoutFinder:
         """Read points and bytes of each chunk from the chunk table, unless they contradict the file."""
         if self._table_at is None:
             return None
-        with open(self._path, "rb") as file:
-            file.seek(self._table_at + 4)
-            (chunks,) = struct.unpack("<I", file.read(4))
-        if chunks * self._size > self._table_at - self._start:
+        if self._chunks * self._size > self._table_at - self._start:
             return None
         try:
             read = decoders.whole(self.request(TABLE, self._start - 8, 0, 0))
