@@ -28,12 +28,12 @@ class Body(Protocol):
     remark: str | None
     reason: str
 
-    def pieces(self, selection: int = ...) -> Iterator[bytes]:
+    def pieces(self, selection: int = ...) -> Iterator[bytes | bytearray]:
         """Yield whole records."""
 
 
 def body_of(file: BinaryIO, path: Path, header: Any, box: Box, old_count: int) -> Body:
-    """Open the points of a file, as they are stored, and take the count that fits if the header has two."""
+    """Open the points of a file as they are stored; of two counts in a header take what fits."""
     body = _body_of(file, path, header, box)
     counts = int(header.point_count), old_count
     if not old_count or counts[0] == counts[1]:
@@ -42,8 +42,10 @@ def body_of(file: BinaryIO, path: Path, header: Any, box: Box, old_count: int) -
         header.point_count = old_count
         other = _body_of(file, path, header, box)
         body = other if other.fits else body
-    said = f"{path.name} announces {counts[0]:,} points in one field of its header, and {counts[1]:,} in another"
-    body.remark = f"{said}; {body.count:,} are read"
+    body.remark = (
+        f"{path.name} announces {counts[0]:,} points in one field of its header, and "
+        f"{counts[1]:,} in another; {body.count:,} are read"
+    )
     return body
 
 
@@ -55,8 +57,10 @@ def _body_of(file: BinaryIO, path: Path, header: Any, box: Box) -> Body:
     return CompressedPoints(file, path, header, box)
 
 
-def in_blocks(pieces: Iterator[bytes], dtype: np.dtype[Any], size: int, count: int) -> Iterator[NDArray[np.void]]:
-    """Put pieces of whole records together to blocks of `size` records, or of fewer that take 16 MB.
+def in_blocks(
+    pieces: Iterator[bytes | bytearray], dtype: np.dtype[Any], size: int, count: int
+) -> Iterator[NDArray[np.void]]:
+    """Make blocks of `size` records, or of fewer that take 16 MB, of pieces of whole records.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Box:
 
     def holds(self, steps: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
         """Tell which of (n, 3) steps lie inside."""
-        inside: NDArray[np.bool_] = ((steps >= self._low) & (steps <= self._high)).all(axis=1)
+        inside = np.asarray(((steps >= self._low) & (steps <= self._high)).all(axis=1))
         self.is_credible = self.is_credible or bool(inside.any())
         return inside
 
@@ -51,8 +51,8 @@ class Box:
 def outside_sentence(path: Path, outside: int, points: int) -> str:
     """Say how many points lie outside of the box."""
     said = (
-        f"{outside:,} of the {points:,} points of {path.name} lie outside of the bounding box in its header, "
-        "and are read all the same: "
+        f"{outside:,} of the {points:,} points of {path.name} lie outside of the bounding box in "
+        "its header, and are read all the same: "
     )
     if outside > _MOST * points:
         return said + "the box is probably wrong; if not, the file is damaged"

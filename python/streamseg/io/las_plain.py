@@ -21,18 +21,19 @@ class PlainPoints:
 
     def __init__(self, file: BinaryIO, path: Path, header: Any) -> None:
         self._path, self._size, self._start = path, int(header.point_format.size), int(header.offset_to_point_data)
-        self.count, self.remark = int(header.point_count), None
+        self.count = int(header.point_count)
+        self.remark: str | None = None
         self.reason = "unexpected end of file"
         room = max(0, _end_of_points(file, header) - self._start) // self._size
         self._there = min(self.count, room)
         self.unread, self.fits = room - self._there, room == self.count
         if self.count == 0 and room > 0:
             raise FileError(
-                f"{path} announces 0 points in its header, but has room for {room:,}; was the program stopped that "
-                "wrote it?"
+                f"{path} announces 0 points in its header, but has room for {room:,}; "
+                "was the program stopped that wrote it?"
             )
 
-    def pieces(self, _selection: int = 0) -> Iterator[bytes]:
+    def pieces(self, _selection: int = 0) -> Iterator[bytes | bytearray]:
         """Yield whole records; then `reason` says why there are no more."""
         step = max(1, _PIECE // self._size)
         with open(self._path, "rb") as file:
@@ -43,7 +44,7 @@ class PlainPoints:
 
 
 def _end_of_points(file: BinaryIO, header: Any) -> int:
-    """Say where the points end at the latest: at the end of the file, or where extended records start."""
+    """Say where the points end at the latest: with the file, or where extended records start."""
     end, minor = os.fstat(file.fileno()).st_size, header.version.minor
     at, count = 0, 0
     if minor >= 4:
@@ -54,7 +55,7 @@ def _end_of_points(file: BinaryIO, header: Any) -> int:
 
 
 def _are_records(file: BinaryIO, at: int, count: int, end: int) -> bool:
-    """Whether so many extended records fit there: what the header says of them may be damaged."""
+    """Whether so many extended records fit there: what the header says may be damaged."""
     for _ in range(count):
         file.seek(at)
         head = file.read(_EVLR_HEAD.size)

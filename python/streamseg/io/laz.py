@@ -11,7 +11,8 @@ from ..errors import FileError, MissingExtra
 try:
     from .laz_decoder import CHUNK, EVERYTHING, POINTWISE, REST
 except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingExtra("reading and writing LAZ needs lazrs; install it: pip install laspy[lazrs]") from error
+    said = "reading and writing LAZ needs lazrs; install it: pip install laspy[lazrs]"
+    raise MissingExtra(said) from error
 
 from .laz_layout import Layout, LayoutFinder, compression_of
 from .laz_processes import Decoders, Undecodable
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from .laz_decoder import Request
     from .las_box import Box
+    from .laz_decoder import Request
 
 
 class CompressedPoints:
@@ -32,7 +33,7 @@ class CompressedPoints:
     count : int
         How many there are: what the header announces, or more if the chunks say so.
     unread : int
-        How many points more than that the file holds, at most, that are not read; known after reading.
+        How many points more than that the file holds, at most; they are not read. Known after reading.
     fits : bool
         Whether the chunks are as many as the count needs, as far as is known without decoding.
     remark : str or None
@@ -58,29 +59,31 @@ class CompressedPoints:
             self._hold_against_header(self._layout)
         if self.count == 0 and self._finder.has_data:
             raise FileError(
-                f"{path} announces 0 points in its header, but holds compressed points; was the program stopped that "
-                "wrote it?"
+                f"{path} announces 0 points in its header, but holds compressed points; "
+                "was the program stopped that wrote it?"
             )
 
-    def pieces(self, selection: int = EVERYTHING) -> Iterator[bytes]:
-        """Yield whole records of all chunks, up to the damage if there is any; then `reason` says what it is.
+    def pieces(self, selection: int = EVERYTHING) -> Iterator[bytes | bytearray]:
+        """Yield whole records of all chunks, up to the damage; then `reason` says what it is.
 
-        Layers outside of the selection are not decoded. What has been proven once is not proven again.
+        Layers outside of the selection are not decoded. What is proven is not proven again.
         """
         left = self.count * self._size
         with Decoders() as decoders:
-            layout = self._layout or self._found(decoders)
-            self._layout, self.unread = layout, layout.unread
-            for piece in self._decoded(decoders, layout, selection):
-                yield piece[:left]
-                left -= len(piece)
-        self._proven |= selection
-        self.reason = self._layout.reason
+            layout = self._layout = self._layout or self._found(decoders)
+            self.unread, self.reason = layout.unread, layout.reason
+            try:
+                for piece in self._decoded(decoders, layout, selection):
+                    yield piece[:left]
+                    left -= len(piece)
+            except Undecodable as error:
+                self.reason = str(error)
+            else:
+                self._proven |= selection
 
-    def _decoded(self, decoders: Decoders, layout: Layout, selection: int) -> Iterator[bytes]:
+    def _decoded(self, decoders: Decoders, layout: Layout, selection: int) -> Iterator[bytes | bytearray]:
         requests = self._requests(layout, selection)
         waiting: list[Request] = []
-        done = 0
         while True:
             while decoders.has_room and (request := next(requests, None)):
                 decoders.ask(request)
@@ -92,23 +95,22 @@ class CompressedPoints:
             try:
                 yield from pieces if request.kind == CHUNK else self._credible(pieces)
             except Undecodable as error:
-                if request.kind == CHUNK and self._compression.compressor == POINTWISE:
-                    self._layout = layout._replace(last=REST, reason=str(error))
-                    requests = self._requests(self._layout, selection)
-                    continue
-                self._layout = layout.first(done, str(error))
-                return
-            done += 1
+                if request.kind == REST or self._compression.compressor != POINTWISE:
+                    raise
+                # Its only chunk may be cut off; what comes before that is right.
+                self._layout = layout._replace(last=REST, reason=str(error))
+                requests = self._requests(self._layout, selection)
 
     def _requests(self, layout: Layout, selection: int) -> Iterator[Request]:
         at, last = layout.start, len(layout.counts) - 1
         for index, (length, count) in enumerate(zip(layout.lengths, layout.counts, strict=True)):
             kind = layout.last if index == last else CHUNK
-            request = self._finder.request(kind, at, int(length), int(count))
-            yield request._replace(selection=selection, proven=self._proven)
+            if count:
+                request = self._finder.request(kind, at, int(length), int(count))
+                yield request._replace(selection=selection, proven=self._proven)
             at += int(length)
 
-    def _credible(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    def _credible(self, pieces: Iterator[bytes | bytearray]) -> Iterator[bytes | bytearray]:
         """Let pass what cannot be proven up to the first point outside of the header's bounding box."""
         for piece in pieces:
             steps = np.frombuffer(piece, np.uint8).reshape(-1, self._size)[:, :12]
@@ -136,6 +138,6 @@ class CompressedPoints:
             self.count = held
         elif layout.has_lost_table and held == self.count:
             self.remark = (
-                f"{self._path.name} has lost its chunk table, which says where chunks of points start; "
-                f"all {held:,} points were found without it"
+                f"{self._path.name} has lost its chunk table, which says where chunks of points "
+                f"start; all {held:,} points were found without it"
             )

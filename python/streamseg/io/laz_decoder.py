@@ -1,11 +1,11 @@
 """Decodes LAZ and proves it, one chunk at a time: a script that runs in a process of its own.
 
-lazrs believes what it reads: damaged data can crash it, or pass for other points. A process of its own
-takes no run with it, and shows no panic text. What proves a chunk is that its decoder needs all of its
-bytes and none beyond; damage changes how many it needs.
+lazrs believes what it reads: damaged data can crash it, or pass for other points. A process of its
+own takes no run with it, and shows no panic text. What proves a chunk is that its decoder needs all
+of its bytes and none beyond; damage changes how many it needs.
 
-It starts within some 20 ms, because it imports no more than lazrs. Requests come in through stdin, and
-answers go out through stdout: pieces, each with its length in front; a 0; and what went wrong, if anything.
+It starts within some 20 ms, because it imports no more than lazrs. Requests come in through stdin.
+Answers go out through stdout: pieces, each with its length in front; a 0; and what went wrong.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ if __name__ == "__main__":
     sys.path.append(sys.argv[1])  # where lazrs is
 
 import lazrs
+
+LIBRARY: str = lazrs.__file__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -92,7 +94,7 @@ def _unpacked(file: BinaryIO) -> Request | None:
     return Request(kind, file.read(path), file.read(record), *numbers)
 
 
-def answer(request: Request) -> Iterator[bytes]:
+def answer(request: Request) -> Iterator[bytes | bytearray]:
     """Answer a request in pieces of bounded size, the first only when everything is proven.
 
     Raises
@@ -114,7 +116,7 @@ def in_words(error: BaseException) -> str:
 
 
 def layers_of(record: bytes) -> list[int]:
-    """Name the compressed layers of a chunk, in their order; none if points are compressed one by one."""
+    """Name the compressed layers of a chunk, in their order; none where points are not layered."""
     layers: list[int] = []
     for kind, size, _ in items_of(record):
         layers += [_LAYER_OF_EXTRA_BYTES] * size if kind == _EXTRA_BYTES else _LAYERS.get(kind, [])
@@ -128,7 +130,7 @@ def items_of(record: bytes) -> list[tuple[int, int, int]]:
     return list(_ITEM.iter_unpack(record[ITEMS_AT + 2 : ITEMS_AT + 2 + there * _ITEM.size]))
 
 
-def _pieces(file: BinaryIO, request: Request) -> Iterator[bytes]:
+def _pieces(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
     if request.kind == TABLE:
         return _table(file, request)
     if request.kind == EXTENT:
@@ -144,15 +146,15 @@ def _pieces(file: BinaryIO, request: Request) -> Iterator[bytes]:
     return decode(file, request._replace(proven=EVERYTHING))
 
 
-def _without(skip: int, pieces: Iterable[bytes]) -> Iterator[bytes]:
+def _without(skip: int, pieces: Iterable[bytes | bytearray]) -> Iterator[bytes | bytearray]:
     for piece in pieces:
         if skip < len(piece):
             yield piece[skip:]
         skip = max(0, skip - len(piece))
 
 
-def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytes]:
-    """Decode a chunk, and a point behind it that is only found if the chunk ends where it should."""
+def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
+    """Decode a chunk, and a point behind it that is found only where the chunk should end."""
     sentinel = bytes((7 + place) & 0xFF for place in range(request.size))
     decoder = _decoder(request, _Part(file, request.start, request.length), BytesIO(sentinel + _PADDING))
     yield from _blocks(decoder, request.points, request.size)
@@ -162,7 +164,7 @@ def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytes]:
         raise Damage("the data of a chunk do not end where they should")
 
 
-def _layered(file: BinaryIO, request: Request) -> Iterator[bytes]:
+def _layered(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
     """Decode a chunk, and prove its layers: one that lacks its last byte has to fail."""
     bits = layers_of(request.record)
     counts = struct.Struct(f"<{1 + len(bits)}I")
@@ -201,7 +203,7 @@ def _layered(file: BinaryIO, request: Request) -> Iterator[bytes]:
             raise Damage("a layer of a chunk does not end where it should")
 
 
-def _extent(file: BinaryIO, request: Request) -> Iterator[bytes]:
+def _extent(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
     """Find out how many bytes so many points take; `length` is where the file ends."""
     part = _Part(file, request.start, request.length, step=1)
     for _ in _blocks(_decoder(request, part), request.points, request.size):
@@ -209,7 +211,7 @@ def _extent(file: BinaryIO, request: Request) -> Iterator[bytes]:
     yield struct.pack("<Q", part.at - request.start)
 
 
-def _rest(file: BinaryIO, request: Request) -> Iterator[bytes]:
+def _rest(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
     """Decode points until the data end, in steps that get small where they do."""
     done = 0
     for step in (_STEP, 1):
@@ -227,7 +229,7 @@ def _rest(file: BinaryIO, request: Request) -> Iterator[bytes]:
                 raise
 
 
-def _table(file: BinaryIO, request: Request) -> Iterator[bytes]:
+def _table(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
     file.seek(request.start)
     pairs = lazrs.read_chunk_table(file, lazrs.LazVlr(request.record))
     step = _PIECE // PAIR.size

@@ -1,7 +1,8 @@
 """Where the chunks of a LAZ lie, and how many points each has.
 
-A chunk table at the end of the file says so. What it says is held against the file. Where it is lost, chunks
-compressed in layers still say their sizes; others are decoded one after the other, and end where that ends.
+A chunk table at the end of the file says so. What it says is held against the file. Where it is
+lost, chunks compressed in layers still say their sizes. Others are decoded one after the other, and
+each ends where its decoder does.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _CHUNK_IS_DAMAGED = "the chunk after it is damaged"
 
 
 class Compression(NamedTuple):
-    """What the laszip record says. `chunk_size` is None where each chunk has a number of points of its own."""
+    """What the laszip record says; `chunk_size` is None where chunks vary in size."""
 
     record: bytes
     compressor: int
@@ -90,8 +91,8 @@ def compression_of(header: Any, path: Path) -> Compression:
     if not is_known:
         said = ", ".join(f"{kind}.{version}" for kind, _, version in items) or "none"
         raise FileError(
-            f"{path} is compressed in a way that cannot be read here (LASzip {major}.{minor}, compressor {compressor}, "
-            f"coder {coder}, items {said}): {_REWRITE}"
+            f"{path} is compressed in a way that cannot be read here (LASzip {major}.{minor}, "
+            f"compressor {compressor}, coder {coder}, items {said}): {_REWRITE}"
         )
     size = sum(size for _, size, _ in items)
     if size != header.point_format.size:
@@ -141,7 +142,7 @@ class LayoutFinder:
         table = self._table(decoders)
         if self._compression.chunk_size is None:
             if table is None:
-                raise Undecodable("the chunk table is damaged, and nothing else says how many points a chunk has")
+                raise Undecodable("the chunk table is damaged, and chunks vary in size")
             return Layout(self._start, table[:, 1], table[:, 0])
         if table is None:
             return self._recovered(decoders, self._compression.chunk_size, is_inside)
@@ -202,9 +203,12 @@ class LayoutFinder:
         except Undecodable:
             return None
         table = np.frombuffer(read, "<i8").reshape(-1, PAIR.size // 8)
-        table = table[table[:, 1] != 0]
-        is_possible = (table > 0).all() and (table < 1 << 40).all()
-        return table if is_possible and table[:, 1].sum() == self._table_at - self._start else None
+        is_possible = (table >= 0).all() and (table < 1 << 40).all()
+        if not is_possible or table[:, 1].sum() != self._table_at - self._start:
+            return None
+        # Some writers end with a chunk that has no point.
+        is_empty = len(table) and (table[-1, 0] == 0 or table[-1, 1] < self._size)
+        return table[:-1] if is_empty else table
 
     def _by_table(self, lengths: NDArray[np.int64], size: int) -> Layout:
         announced = int(self._header.point_count)
@@ -249,7 +253,7 @@ class LayoutFinder:
         return layout
 
     def _before_nonsense(self, layout: Layout, is_inside: Any) -> Layout:
-        """Leave out what is read after a damaged chunk: from then on, chunks seem to start far away."""
+        """Leave out what is read after a damaged chunk: from then on, chunks start far away."""
         starts = layout.start + np.concatenate([[0], np.cumsum(layout.lengths)[:-1]]).astype(np.int64)
         firsts = np.empty((len(layout.counts), 3), "<i4")
         with open(self._path, "rb") as file:
@@ -267,5 +271,5 @@ def _layout(start: int, lengths: list[int], counts: list[int], *others: Any, **n
 
 
 def _is_table(head: bytes, chunks: int) -> bool:
-    """Whether a table of so many chunks starts like this: with its version, which is 0, and their number."""
-    return head == struct.pack("<II", 0, chunks)
+    """Whether a table of so many chunks, or one more that is empty, starts like this."""
+    return head in (struct.pack("<II", 0, chunks), struct.pack("<II", 0, chunks + 1))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _SCRIPT = Path(laz_decoder.__file__)
-_PACKAGES = Path(laz_decoder.lazrs.__file__).parent.parent
+_PACKAGES = Path(laz_decoder.LIBRARY).parent.parent
 _MOST = 2
 _PATIENCE = 2  # crashes on one request; others may have ended the first
 
@@ -62,7 +62,7 @@ class Decoders:
         """Ask for something; the answer is one of `pieces`."""
         self._asked.append((request, self._sent(request)))
 
-    def pieces(self) -> Iterator[bytes]:
+    def pieces(self) -> Iterator[bytes | bytearray]:
         """Yield the answer to the oldest request.
 
         Raises
@@ -142,7 +142,7 @@ class _Process:
         except OSError:
             raise _Gone(self._greeted()) from None
 
-    def answer(self) -> Iterator[bytes]:
+    def answer(self) -> Iterator[bytes | bytearray]:
         if not self.is_mine or not self._greeted():
             raise _Gone(has_started=self._has_greeted or not self.is_mine)
         while length := self._number():
@@ -186,7 +186,7 @@ class _Here:
     def send(self, request: Request) -> None:
         self._request = request
 
-    def answer(self) -> Iterator[bytes]:
+    def answer(self) -> Iterator[bytes | bytearray]:
         try:
             yield from laz_decoder.answer(self._request)
         except (KeyboardInterrupt, SystemExit, GeneratorExit, MemoryError):

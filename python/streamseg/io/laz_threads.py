@@ -1,4 +1,4 @@
-"""Whether LAZ can be compressed in threads: a forked process has none of those that its parent had."""
+"""Whether LAZ can be compressed in threads: a forked process has none of its parent's."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _is_forked = False
 
 
 def can_compress_in_threads() -> bool:
-    """Whether this process was started, and not forked; there, the threaded compressor would wait for ever."""
+    """Whether this process was started, and not forked: then a compressor would wait for ever."""
     return not _is_forked
 
 
