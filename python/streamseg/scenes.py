@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ._core import Scene
 from .errors import MissingExtra
+from .io.laz_threads import can_compress_in_threads
 from .source import PathLike
 
 Kind = Literal["airborne", "street"]
@@ -101,7 +102,8 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
     header.generating_software = "streamseg"
     scene = Scene(kind, seed)
     path = Path(path)
-    with laspy.open(path, mode="w", header=header) as writer:
+    backend = laspy.LazBackend.LazrsParallel if can_compress_in_threads() else laspy.LazBackend.Lazrs
+    with laspy.open(path, mode="w", header=header, laz_backend=backend) as writer:
         for start in range(0, points, _CHUNK):
             taken = scene.take(min(_CHUNK, points - start))
             position = taken.pop("position")

@@ -1,4 +1,4 @@
-"""LAS and LAZ files as sources, read by laspy.
+"""LAS and LAZ files as sources: headers read by laspy, points by this package.
 
 laspy believes every count and size in a header; those that could make it run on for hours or fill the memory are
 checked first.
@@ -15,14 +15,17 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileError, MissingExtra
-from . import laz
+from ..errors import FileError, MissingExtra, warn
 from .cloud import Chunk, damage_sentence
+from .las_blocks import body_of, in_blocks
+from .las_box import Box, outside_sentence
 from .lattice import Lattice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
 try:
     import laspy
@@ -31,13 +34,10 @@ except ImportError as error:  # pragma: no cover - depends on the installation
 
 __all__ = ["LasSource", "laspy"]
 
-# A LAZ chunk has 50 000 points and is the unit of parallel work: smaller reads would run on one thread.
-_BLOCK = 500_000
-_CORNERING_STEPS = (8192, 128, 1)
-
-_SMALLEST_HEADER = 227
+_SMALLEST_HEADER, _OLD_COUNT_AT = 227, 107
 _MAX_HEADER_BYTES = 1 << 30
 _LARGEST_POINT_FORMAT = 10
+_SCALES, _LARGEST_OFFSET = (1e-12, 1e6), 1e12
 _VLR, _EVLR = struct.Struct("<2x16sHH32s"), struct.Struct("<2x16sHQ32s")
 
 _LINEAR_UNIT_KEY, _PROJECTED_SYSTEM_KEY = 3076, 3072
@@ -68,6 +68,10 @@ class LasSource:
         self.path = path
         with open(path, "rb") as file:
             self.header, self.vlrs = _read_header(file, path)
+            self._box = Box(self.header)
+            self._body = body_of(file, path, self.header, self._box, _old_count(file))
+        self.header.point_count = self._body.count
+        self._has_told, self._outside = False, 0
         self.point_count: int | None = self.header.point_count
         self.lattice = Lattice(tuple(self.header.scales.tolist()), tuple(self.header.offsets.tolist()))
         self.dimensions: tuple[str, ...] = tuple(self.header.point_format.dimension_names)
@@ -88,26 +92,18 @@ class LasSource:
             yield Chunk(points, {name: np.ascontiguousarray(records[name]) for name in attributes})
 
     def records(self, size: int, selection: Any = None) -> Iterator[Any]:
-        """Yield the points as laspy's point records, up to the end or to the damage."""
+        """Yield the points as laspy's point records, up to the end or to the damage.
+
+        At most `size` at a time, and fewer where they are large.
+        """
         self.damage = None
-        announced, done = self.header.point_count, 0
-        with open(self.path, "rb") as file:
-            sound, reason = self._sound_part(file)
-            # Each try goes in smaller steps up to the point that the one before could not decode.
-            for step in (max(size, _BLOCK), *_CORNERING_STEPS):
-                try:
-                    is_parallel = sound.has_table and step >= _BLOCK
-                    reader = laz.guarded(self._reader, file, sound, is_parallel, selection, done)
-                    while done < sound.points:
-                        block = laz.guarded(reader.read_points, min(step, sound.points - done))
-                        for start in range(0, len(block), size):
-                            yield block[start : start + size]
-                        done += len(block)
-                    break
-                except laz.Undecodable as error:
-                    reason = str(error)
-        if done < announced:
-            self.damage = damage_sentence(self.path, done, announced, reason)
+        header, done = self.header, 0
+        pieces = self._body.pieces(*([] if selection is None else [int(selection)]))
+        for block in in_blocks(pieces, header.point_format.dtype(), size, header.point_count):
+            self._watch(block)
+            done += len(block)
+            yield laspy.ScaleAwarePointRecord(block, header.point_format, header.scales, header.offsets)
+        self._conclude(done)
 
     def evlrs(self) -> list[Any]:
         """Return the extended records that lie completely inside the file, with views of the file as payloads."""
@@ -120,36 +116,27 @@ class LasSource:
         has_waveforms = minor == 3 and header.global_encoding.waveform_data_packets_internal
         return _whole_records(data, header.start_of_waveform_data_packet_record, int(has_waveforms), _EVLR)
 
-    def _sound_part(self, file: BinaryIO) -> tuple[laz.Sound, str]:
-        """Say how many points can be tried, and why not more."""
-        header = self.header
-        if not header.are_points_compressed:
-            whole = (os.fstat(file.fileno()).st_size - header.offset_to_point_data) // header.point_format.size
-            return laz.Sound(min(whole, header.point_count), True), "unexpected end of file"
-        try:
-            return laz.sound_part(file, header), "the chunk after it is damaged"
-        except laz.Undecodable as error:
-            return laz.Sound(0, False), str(error)
+    def _watch(self, block: NDArray[np.void]) -> None:
+        """Count what lies outside of the header's bounding box, unless that has been told."""
+        if not self._has_told:
+            self._outside += self._box.count_outside(block)
 
-    def _reader(self, file: BinaryIO, sound: laz.Sound, is_parallel: bool, selection: Any, at: int) -> Any:
-        """Open a reader whose next point is `at`; without a chunk table the way there is through all before it."""
-        file.seek(0)
-        if selection is None or not sound.has_table:  # layers that are not decoded are skipped by seeking
-            selection = laspy.DecompressionSelection.all()
-        reader = laspy.LasReader(
-            file if sound.has_table else laz.ForwardOnly(file),
-            closefd=False,
-            laz_backend=laspy.LazBackend.LazrsParallel if is_parallel else laspy.LazBackend.Lazrs,
-            read_evlrs=False,
-            decompression_selection=selection,
-        )
-        reader.header.point_count = sound.points
-        if at > 0 and sound.has_table:
-            reader.seek(at)
-        elif at > 0:
-            for start in range(0, at, _BLOCK):
-                reader.read_points(min(_BLOCK, at - start))
-        return reader
+    def _conclude(self, done: int) -> None:
+        """Say what was wrong with the file; warn of it once where no point is missing."""
+        announced, body = self.header.point_count, self._body
+        if done < announced:
+            self.damage = damage_sentence(self.path, done, announced, body.reason)
+        elif body.unread:
+            self.damage = (
+                f"{self.path.name} holds up to {body.unread:,} points more than the {announced:,} that its header "
+                "announces; only these were read"
+            )
+        if not self._has_told:
+            if body.remark is not None and self.damage is None:
+                warn(body.remark)
+            if self._outside:
+                warn(outside_sentence(self.path, self._outside, done))
+        self._has_told, self._outside = True, 0
 
 
 def _read_header(file: BinaryIO, path: Path) -> tuple[Any, list[Any]]:
@@ -197,14 +184,22 @@ def _parsed(raw: bytes, path: Path) -> Any:
     except Exception as error:  # laspy reports a damaged record as whatever its parser ran into
         raise FileError(f"{path} has a damaged header: {error}") from error
     # Some writers of version 1.4 fill in the old field only.
-    header.point_count = header.point_count or struct.unpack_from("<I", raw, 107)[0]
+    header.point_count = header.point_count or struct.unpack_from("<I", raw, _OLD_COUNT_AT)[0]
     scales, offsets = header.scales, header.offsets
-    if not np.isfinite([scales, offsets]).all() or scales.min() <= 0:
+    least, most = _SCALES
+    is_usable = np.isfinite([scales, offsets]).all() and least <= scales.min() and scales.max() <= most
+    if not is_usable or np.abs(offsets).max() > _LARGEST_OFFSET:
         raise FileError(
             f"{path} has a damaged header: scale {tuple(scales.tolist())} and offset {tuple(offsets.tolist())} must be "
-            "finite numbers, and the scale above 0"
+            f"finite numbers, the scale from {least:g} to {most:g}, the offset within {_LARGEST_OFFSET:g} of 0"
         )
     return header
+
+
+def _old_count(file: BinaryIO) -> int:
+    """Read the count that versions before 1.4 have, and later ones beside another; 0 if it says nothing."""
+    file.seek(_OLD_COUNT_AT)
+    return int.from_bytes(file.read(4), "little")
 
 
 def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: struct.Struct) -> list[Any]:

@@ -13,6 +13,7 @@ from .cloud import DEFAULT_CHUNK, Chunk, Cloud
 from .labels import SEGMENT_DIMENSION
 from .las import LasSource, laspy
 from .lattice import Lattice, Triple
+from .laz_threads import can_compress_in_threads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -172,7 +173,10 @@ def fitting_lattice(cloud: Cloud) -> Lattice:
 
 
 def _writer(file: BinaryIO, header: Any, compressed: bool) -> Any:
-    return laspy.LasWriter(file, header, do_compress=compressed, closefd=False, encoding_errors="ignore")
+    backend = laspy.LazBackend.LazrsParallel if can_compress_in_threads() else laspy.LazBackend.Lazrs
+    return laspy.LasWriter(
+        file, header, do_compress=compressed, laz_backend=backend, closefd=False, encoding_errors="ignore"
+    )
 
 
 def _set_steps(points: Any, steps: NDArray[np.float64], lattice: Lattice, name: str) -> None:

@@ -1,137 +1,143 @@
-"""What laspy cannot do: read a damaged LAZ up to its last point that can be decoded.
-
-lazrs believes the sizes it finds and allocates as many bytes, so they are held against the file first. It also
-wants the chunk table at the end of the file, which a truncated file has lost. Its sequential decoder can do without,
-but only takes that way when the source says that it cannot seek; `ForwardOnly` says so.
-"""
+"""The compressed points of a LAZ: every chunk is proven before a point of it is handed out."""
 
 from __future__ import annotations
 
-import struct
-from mmap import ACCESS_READ, mmap
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from ..errors import MissingExtra
+import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from ..errors import FileError, MissingExtra
 
 try:
-    import lazrs
+    from .laz_decoder import CHUNK, EVERYTHING, POINTWISE, REST
 except ImportError as error:  # pragma: no cover - depends on the installation
-    raise MissingExtra("reading and writing LAZ needs lazrs; install it: pip install laspy[lazrs]") from error
+    said = "reading and writing LAZ needs lazrs; install it: pip install laspy[lazrs]"
+    raise MissingExtra(said) from error
 
-_LAYERED = 3
-_ITEMS_AT = 32
-_EXTRA_BYTES_ITEM = 14  # one layer per byte
-_LAYERS_OF_ITEM = {10: 9, 11: 1, 12: 2, 13: 1}  # point, color, color and infrared, waveform
+from .laz_layout import Layout, LayoutFinder, compression_of
+from .laz_processes import Decoders, Undecodable
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
 
-class Undecodable(Exception):
-    """The decoder gave up."""
-
-
-class Sound(NamedTuple):
-    """What of a file can be decoded safely: so many points, and whether its chunk table is to be believed."""
-
-    points: int
-    has_table: bool
+    from .las_box import Box
+    from .laz_decoder import Request
 
 
-class ForwardOnly:
-    """A file that can be read but refuses to seek."""
+class CompressedPoints:
+    """The points of one LAZ as bytes.
 
-    def __init__(self, file: Any) -> None:
-        self.read, self.readinto = file.read, file.readinto
-
-    def seek(self, *_: int) -> int:
-        """Refuse."""
-        raise OSError("this stream only goes forward")
-
-
-def guarded(call: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a decoder; whatever goes wrong in it becomes `Undecodable`."""
-    try:
-        return call(*arguments)
-    except (KeyboardInterrupt, SystemExit, MemoryError):
-        raise
-    except BaseException as error:  # a Rust panic derives from BaseException only
-        message = str(error)
-        in_words = "unexpected end of data" if "fill whole buffer" in message else f"the decoder says: {message}"
-        raise Undecodable(in_words) from None
-
-
-def sound_part(file: BinaryIO, header: Any) -> Sound:
-    """Find out how much of a LAZ can be given to lazrs.
-
-    Raises
-    ------
-    Undecodable
-        Nothing, because the laszip record is missing or of another file.
+    Attributes
+    ----------
+    count : int
+        How many there are: what the header announces, or more if the chunks say so.
+    unread : int
+        How many points more than that the file holds, at most; they are not read. Known after reading.
+    fits : bool
+        Whether the chunks are as many as the count needs, as far as is known without decoding.
+    remark : str or None
+        One sentence on what is wrong with the file, though all points can be read.
+    reason : str
+        Why no more than those that were read could be read.
     """
-    records = header.vlrs.get("LasZipVlr")
-    if not records:
-        raise Undecodable("the laszip record is missing")
-    vlr = guarded(lazrs.LazVlr, records[0].record_data)
-    if vlr.item_size() != header.point_format.size:
-        raise Undecodable(
-            f"the laszip record describes points of {vlr.item_size()} bytes, the header of {header.point_format.size}"
-        )
-    with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+
+    def __init__(self, file: BinaryIO, path: Path, header: Any, box: Box) -> None:
+        self._path, self._size, self._box = path, int(header.point_format.size), box
+        self._compression = compression_of(header, path)
+        self._finder = LayoutFinder(path, header, self._compression)
+        self.count, self.unread = int(header.point_count), 0
+        self.remark: str | None = None
+        self.reason = ""
+        self._proven = 0
+        self._layout = self._finder.quickly(file)
+        if self._compression.chunk_size is None and self._layout is None:
+            with Decoders() as decoders:
+                self._layout = self._found(decoders)
+        self.fits = self._finder.fits(self.count, self._layout)
+        if self._layout is not None:
+            self._hold_against_header(self._layout)
+        if self.count == 0 and self._finder.has_data:
+            raise FileError(
+                f"{path} announces 0 points in its header, but holds compressed points; "
+                "was the program stopped that wrote it?"
+            )
+
+    def pieces(self, selection: int = EVERYTHING) -> Iterator[bytes | bytearray]:
+        """Yield whole records of all chunks, up to the damage; then `reason` says what it is.
+
+        Layers outside of the selection are not decoded. What is proven is not proven again.
+        """
+        left = self.count * self._size
+        with Decoders() as decoders:
+            layout = self._layout = self._layout or self._found(decoders)
+            self.unread, self.reason = layout.unread, layout.reason
+            try:
+                for piece in self._decoded(decoders, layout, selection):
+                    yield piece[:left]
+                    left -= len(piece)
+            except Undecodable as error:
+                self.reason = str(error)
+            else:
+                self._proven |= selection
+
+    def _decoded(self, decoders: Decoders, layout: Layout, selection: int) -> Iterator[bytes | bytearray]:
+        requests = self._requests(layout, selection)
+        waiting: list[Request] = []
+        while True:
+            while decoders.has_room and (request := next(requests, None)):
+                decoders.ask(request)
+                waiting.append(request)
+            if not waiting:
+                return
+            request = waiting.pop(0)
+            pieces = decoders.pieces()
+            try:
+                yield from pieces if request.kind == CHUNK else self._credible(pieces)
+            except Undecodable as error:
+                if request.kind == REST or self._compression.compressor != POINTWISE:
+                    raise
+                # Its only chunk may be cut off; what comes before that is right.
+                self._layout = layout._replace(last=REST, reason=str(error))
+                requests = self._requests(self._layout, selection)
+
+    def _requests(self, layout: Layout, selection: int) -> Iterator[Request]:
+        at, last = layout.start, len(layout.counts) - 1
+        for index, (length, count) in enumerate(zip(layout.lengths, layout.counts, strict=True)):
+            kind = layout.last if index == last else CHUNK
+            if count:
+                request = self._finder.request(kind, at, int(length), int(count))
+                yield request._replace(selection=selection, proven=self._proven)
+            at += int(length)
+
+    def _credible(self, pieces: Iterator[bytes | bytearray]) -> Iterator[bytes | bytearray]:
+        """Let pass what cannot be proven up to the first point outside of the header's bounding box."""
+        for piece in pieces:
+            steps = np.frombuffer(piece, np.uint8).reshape(-1, self._size)[:, :12]
+            outside = np.flatnonzero(~self._box.holds(np.ascontiguousarray(steps).view("<i4")))
+            if len(outside) and self._box.is_credible:
+                yield piece[: int(outside[0]) * self._size]
+                return
+            yield piece
+
+    def _found(self, decoders: Decoders) -> Layout:
         try:
-            table = guarded(_chunk_table, file, data, header, vlr)
-        except Undecodable:  # whatever is wrong with it, there is a way without
-            table = None
-        sound = _count_sound_points(data, header, _layers_per_chunk(records[0].record_data), table)
-    return Sound(min(sound, header.point_count), table is not None)
+            layout = self._finder.thoroughly(decoders, self._box.holds)
+        except Undecodable as error:
+            layout = Layout(0, np.zeros(0, np.int64), np.zeros(0, np.int64), reason=str(error))
+        self._hold_against_header(layout)
+        return layout
 
-
-def _chunk_table(file: BinaryIO, data: mmap, header: Any, vlr: Any) -> list[tuple[int, int]] | None:
-    """Read the points and bytes of each chunk, unless they contradict the file."""
-    start = header.offset_to_point_data
-    (table_start,) = struct.unpack_from("<q", data, start)
-    if table_start <= start:  # written to a pipe: the position follows the table
-        (table_start,) = struct.unpack_from("<q", data, len(data) - 8)
-    if not start + 8 <= table_start <= len(data) - 8:
-        return None
-    (chunks,) = struct.unpack_from("<I", data, table_start + 4)
-    if vlr.uses_variable_size_chunks():
-        is_possible = chunks <= header.point_count
-    else:
-        is_possible = chunks == -(-header.point_count // vlr.chunk_size())
-    if not is_possible:
-        return None
-    file.seek(start)
-    table: list[tuple[int, int]] = lazrs.read_chunk_table(file, vlr)
-    return table if sum(size for _, size in table) == table_start - start - 8 else None
-
-
-def _count_sound_points(data: mmap, header: Any, layers: int, table: list[tuple[int, int]] | None) -> int:
-    """Count the points in front of the first chunk whose layers do not fit into the file.
-
-    Chunks of the older, unlayered kind claim nothing.
-    """
-    if layers == 0:
-        return int(header.point_count)
-    layout = struct.Struct(f"<{1 + layers}I")
-    first = header.point_format.size  # a chunk starts with its first point, uncompressed
-    at, counted, chunk = header.offset_to_point_data + 8, 0, 0
-    while counted < header.point_count and (table is None or chunk < len(table)):
-        if at + first + layout.size > len(data):
-            break
-        count, *sizes = layout.unpack_from(data, at + first)
-        size = first + layout.size + sum(sizes)
-        if count == 0 or at + size > len(data) or (table is not None and size != table[chunk][1]):
-            break
-        at, counted, chunk = at + size, counted + count, chunk + 1
-    return counted
-
-
-def _layers_per_chunk(record_data: bytes) -> int:
-    """Read from the laszip record how many compressed layers a chunk has; 0 for the unlayered kind."""
-    (compressor,) = struct.unpack_from("<H", record_data)
-    if compressor != _LAYERED:
-        return 0
-    (count,) = struct.unpack_from("<H", record_data, _ITEMS_AT)
-    items = [struct.unpack_from("<HH", record_data, _ITEMS_AT + 2 + 6 * index) for index in range(count)]
-    return sum(size if kind == _EXTRA_BYTES_ITEM else _LAYERS_OF_ITEM.get(kind, 0) for kind, size in items)
+    def _hold_against_header(self, layout: Layout) -> None:
+        """Take the number of points from the chunks, where they say more than the header."""
+        held = int(layout.counts.sum())
+        if held > self.count + layout.unread:
+            self.remark = (
+                f"{self._path.name} announces {self.count:,} points in its header, but holds {held:,}; all are read"
+            )
+            self.count = held
+        elif layout.has_lost_table and held == self.count:
+            self.remark = (
+                f"{self._path.name} has lost its chunk table, which says where chunks of points "
+                f"start; all {held:,} points were found without it"
+            )
