@@ -40,6 +40,7 @@ class Source(NamedTuple):
     point_count : how many points are announced, if known
     damage : tells, after reading, what could not be read
     name : for people and manifests
+    digests : tells, once all has been read, how many points each file has, with a checksum; None if unknown
     extent_x : how far the points reach along x, if known without reading them
     can_be_stored : whether it has an end, so that spans by width may be laid out before the first is given
     """
@@ -53,6 +54,7 @@ class Source(NamedTuple):
     point_count: int | None = None
     damage: Callable[[], str | None] = lambda: None
     name: str = "array"
+    digests: Callable[[], list[str] | None] = lambda: None
     extent_x: float | None = None
     can_be_stored: bool = False
 
@@ -164,6 +166,7 @@ def _of_cloud(cloud: Cloud) -> Source:
         point_count=cloud.point_count,
         damage=lambda: cloud.damage,
         name=", ".join(str(path) for path in cloud.paths),
+        digests=lambda: cloud.digests,
         extent_x=cloud.extent_x,
     )
 
@@ -204,7 +207,7 @@ def _extent_along_x(points: NDArray[Any]) -> float | None:
 
 
 def _column(name: str, values: ArrayLike, count: int) -> NDArray[Any]:
-    column = np.asarray(values)
+    column = _as_array(values)
     if column.shape != (count,):
         raise InvalidInput(f"{name} has shape {column.shape}, expected ({count},): one value per point")
     return column
@@ -235,6 +238,7 @@ def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:
     def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         for item in source:
             points, attributes = item if _has_attributes(item) else (item, {})
+            points = _as_array(points) if isinstance(points, np.ma.MaskedArray) else points
             count = len(_as_array(points)) if names else 0
             yield points, tuple(_column(name, _found(attributes, name), count) for name in names)
 

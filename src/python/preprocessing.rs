@@ -5,6 +5,7 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 
 use super::arrays::{LatticeOf, lattice_of};
+use super::calls::call_named;
 use super::errors::{InvalidParameter, guarded};
 use super::numbers::{Real, Whole};
 use super::survey::{Cloud, signals};
@@ -326,7 +327,7 @@ pub(super) fn _measure(
     let statistics = guarded(py, || {
         let mut open = || {
             Python::attach(|py| {
-                let chunks = chunks.bind(py).call0()?;
+                let chunks = call_named(py, "the source", || chunks.bind(py).call0())?;
                 Ok(Cloud::new(&chunks, Some(spans.bind(py)), true, lattice, drop_invalid)?.spans)
             })
             .map_err(|exception: PyErr| Error::from(exception))
