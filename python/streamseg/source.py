@@ -25,6 +25,9 @@ _CHUNK = 250_000
 # A scan line with more points than this is none.
 _LONGEST_LINE = 1_000_000
 
+# Kinds of arrays that NumPy would make numbers of: complex, times, texts.
+_NO_NUMBERS = "cmMSUV"
+
 # What a chunk is for the core: (n, 3) points, and one (n,) array per attribute that the spans need.
 CoreChunk = tuple[ArrayLike, tuple[ArrayLike, ...]]
 
@@ -171,11 +174,16 @@ def _of_cloud(cloud: Cloud) -> Source:
     )
 
 
+def _as_points(points: NDArray[Any]) -> NDArray[Any]:
+    if points.dtype.kind in ("b", *_NO_NUMBERS) and points.dtype.names is None:
+        raise InvalidInput(f"points is an array that is no array of numbers ({points.dtype}), expected shape (n, 3)")
+    return points
+
+
 def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if points.size and (points.ndim != 2 or points.shape[1] != 3):
         raise InvalidInput(f"points has shape {points.shape}, expected (n, 3): x, y and z")
-    if points.dtype.kind in "bc":
-        raise InvalidInput(f"points is an array that is no array of numbers ({points.dtype}), expected shape (n, 3)")
+    _as_points(points)
     if not isinstance(attributes, Mapping):
         given = type(attributes).__name__
         raise InvalidInput(
@@ -208,6 +216,8 @@ def _extent_along_x(points: NDArray[Any]) -> float | None:
 
 def _column(name: str, values: ArrayLike, count: int) -> NDArray[Any]:
     column = _as_array(values)
+    if column.dtype.kind in _NO_NUMBERS:
+        raise InvalidInput(f"{name} is no array of numbers ({column.dtype}), expected shape ({count},)")
     if column.shape != (count,):
         raise InvalidInput(f"{name} has shape {column.shape}, expected ({count},): one value per point")
     return column
@@ -238,8 +248,8 @@ def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:
     def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         for item in source:
             points, attributes = item if _has_attributes(item) else (item, {})
-            points = _as_array(points) if isinstance(points, np.ma.MaskedArray) else points
-            count = len(_as_array(points)) if names else 0
+            points = _as_points(_as_array(points))
+            count = len(points) if points.ndim and names else 0
             yield points, tuple(_column(name, _found(attributes, name), count) for name in names)
 
     # A list can be read to its end; a generator may have none, so only order tells where a slab ends.

@@ -289,7 +289,7 @@ class Stream:
         except StreamInUse:
             raise
         except BaseException:
-            if self._core.is_ended():
+            if self._core.is_at_home() and self._core.is_ended():
                 self._end(complete=False)
             raise
         if self._history is not None:

@@ -17,12 +17,13 @@ pub(super) fn call<T>(
     code: impl FnOnce() -> PyResult<T>,
 ) -> PyResult<T> {
     let home = Home::of("the run");
-    let answer = code();
-    home.check()?;
-    answer.map_err(|exception| match ending(py, &exception) {
-        Some(name) => with_cause(py, escaped(name), exception),
-        None => exception,
-    })
+    match code() {
+        Ok(answer) => home.check().map(|()| answer),
+        Err(exception) => Err(match ending(py, &exception) {
+            Some(name) => with_cause(py, escaped(name), exception),
+            None => exception,
+        }),
+    }
 }
 
 /// As [`call`], where what is called has a name that users know.

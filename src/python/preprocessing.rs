@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use super::arrays::{LatticeOf, lattice_of};
 use super::calls::call_named;
 use super::errors::{InvalidParameter, guarded};
+use super::home::Home;
 use super::numbers::{Real, Whole};
 use super::survey::{Cloud, signals};
 use crate::error::Error;
@@ -322,7 +323,7 @@ pub(super) fn _measure(
     drop_invalid: bool,
 ) -> PyResult<Py<PyAny>> {
     let earlier = stages(earlier)?;
-    let removal = removal.removal;
+    let (home, removal) = (Home::of("the survey"), removal.removal);
     let grid = lattice_of(lattice)?;
     let statistics = guarded(py, || {
         let mut open = || {
@@ -332,7 +333,7 @@ pub(super) fn _measure(
             })
             .map_err(|exception: PyErr| Error::from(exception))
         };
-        Ok(measure(removal, &earlier, &mut open, grid, width, threads, &mut || Box::new(signals))?)
+        Ok(measure(removal, &earlier, &mut open, grid, width, threads, &mut || Box::new(move || signals(home)))?)
     })?;
     in_python(py, &statistics)
 }

@@ -90,7 +90,7 @@ impl PyPipeline {
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
         let chunks = chunks_of(chunks, names.clone(), drop_invalid)?;
-        let stopper = Stopper::default();
+        let (home, stopper) = (Home::of("the stream"), Stopper::default());
         let exactness = segmentor.exactness();
         let is_in_stream_order = counts.is_none() && !by.is_in_space();
         let (spans, mut assessment) = match counts {
@@ -110,7 +110,7 @@ impl PyPipeline {
         let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
             .with_stopper(stopper.clone())
-            .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+            .with_look_up(move |progress| look_up(home, progress, on_progress.as_ref()));
         if pipeline.looks_again() {
             assessment = assessment.with_second_looks();
         }
@@ -119,7 +119,7 @@ impl PyPipeline {
         }
         Ok(Self {
             pipeline: Arc::new(Mutex::new(pipeline)),
-            home: Home::of("the stream"),
+            home,
             stopper,
             turn: Mutex::default(),
             given: Mutex::new(None),
@@ -347,7 +347,8 @@ fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
     )
 }
 
-pub(super) fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+pub(super) fn look_up(home: Home, progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+    home.check()?;
     Python::attach(|py| -> PyResult<()> {
         call_named(py, "a signal's handler", || py.check_signals())?;
         let Some(on_progress) = on_progress else { return Ok(()) };

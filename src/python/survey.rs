@@ -57,8 +57,9 @@ fn halo(length: f64) -> Halo {
     }
 }
 
-/// Lets Python interrupt a survey.
-pub(super) fn signals() -> Result<(), Error> {
+/// Lets Python interrupt a survey, which goes on in its own process only.
+pub(super) fn signals(home: Home) -> Result<(), Error> {
+    home.check()?;
     Python::attach(|py| Ok(call_named(py, "a signal's handler", || py.check_signals())?))
 }
 
@@ -132,7 +133,8 @@ struct Surveyor<R> {
 
 impl<R: Send + 'static> Surveyor<R> {
     fn new(survey: Survey<R>) -> Self {
-        Self { survey: Arc::new(Mutex::new(survey.with_look_up(signals))), home: Home::of("the survey") }
+        let home = Home::of("the survey");
+        Self { survey: Arc::new(Mutex::new(survey.with_look_up(move || signals(home)))), home }
     }
 
     /// The next of the survey, without the interpreter, which its source may need.

@@ -78,11 +78,14 @@ class _Voice:
         os.close(nowhere)
 
     def __getattr__(self, name: str) -> Any:
+        if name == "buffer":
+            # With it, typer would go round this on terminals that have ASCII only.
+            raise AttributeError(name)
         return getattr(self._stream, name)
 
 
 def _open_closed() -> None:
-    """Open what the caller has closed of the three streams: else files that are written would take their numbers."""
+    """Open what is closed of the three streams: else files that are written would take their numbers."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)

@@ -179,7 +179,7 @@ def _writer(file: BinaryIO, header: Any, compressed: bool) -> Any:
 
 
 def _steps(records: Any) -> NDArray[np.float64]:
-    """The whole numbers that the file has as coordinates, (n, 3)."""
+    """Give the whole numbers that the file has as coordinates, (n, 3)."""
     return np.column_stack([records[axis] for axis in "XYZ"]).astype(np.float64)
 
 

@@ -74,7 +74,8 @@ def write_labelled(
     Raises
     ------
     OutputExists, InvalidParameter, FileError
-        See `check_output`; also FileError when the disk is full, or a file of the cloud has changed since it was opened.
+        See `check_output`; also FileError when the disk is full, or a file of the cloud has changed since
+        it was opened.
     InvalidInput
         The files cannot be written as one, or no point has been reached.
     """
