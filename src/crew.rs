@@ -24,6 +24,16 @@ const MOST_THREADS: usize = 1024;
 pub struct Crew {
     pool: Option<ThreadPool>,
     threads: usize,
+    /// The process that has the threads: one that was forked from it has not.
+    process: u32,
+}
+
+impl Drop for Crew {
+    fn drop(&mut self) {
+        if std::process::id() != self.process {
+            std::mem::forget(self.pool.take());
+        }
+    }
 }
 
 impl Crew {
@@ -37,12 +47,13 @@ impl Crew {
         }
         let threads = at_least_one("threads", threads)?;
         let pool = ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("streamseg-{i}")).build();
-        Ok(Self { pool: Some(pool.map_err(|e| Error::Foreign(e.into()))?), threads })
+        let pool = Some(pool.map_err(|e| Error::Foreign(e.into()))?);
+        Ok(Self { pool, threads, process: std::process::id() })
     }
 
     /// The caller's own thread: what it starts is done before it goes on.
     pub fn of_one() -> Self {
-        Self { pool: None, threads: 1 }
+        Self { pool: None, threads: 1, process: std::process::id() }
     }
 
     /// How many threads there are.
@@ -99,16 +110,17 @@ impl<R> Job<R> {
     /// # Errors
     /// What `look_up` returns; the job can be waited for again.
     pub fn wait(&mut self, look_up: &mut dyn FnMut() -> Result<()>) -> Result<std::result::Result<R, String>> {
-        self.wait_until(None, look_up)?.map_or_else(|| Ok(Err("it was not waited for".into())), Ok)
+        self.wait_until(&|| None, look_up)?.map_or_else(|| Ok(Err("it was not waited for".into())), Ok)
     }
 
-    /// As [`wait`](Self::wait), but not beyond `deadline`: nothing if the job is not done by then.
+    /// As [`wait`](Self::wait), but not beyond `deadline`, which may come while it waits: nothing if the job is not done by
+    /// then.
     ///
     /// # Errors
     /// What `look_up` returns; the job can be waited for again.
     pub fn wait_until(
         &mut self,
-        deadline: Option<Instant>,
+        deadline: &dyn Fn() -> Option<Instant>,
         look_up: &mut dyn FnMut() -> Result<()>,
     ) -> Result<Option<std::result::Result<R, String>>> {
         let (receiver, waiter) = match std::mem::replace(self, Job::Done(Err("the job was waited for twice".into()))) {
@@ -121,7 +133,7 @@ impl<R> Job<R> {
                 Err(RecvTimeoutError::Disconnected) => return Ok(Some(Err("its thread ended".into()))),
                 Err(RecvTimeoutError::Timeout) => {
                     let looked_up = look_up();
-                    if looked_up.is_err() || deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                    if looked_up.is_err() || deadline().is_some_and(|deadline| Instant::now() >= deadline) {
                         *self = Job::Under(receiver, waiter);
                         return looked_up.map(|()| None);
                     }
@@ -164,7 +176,7 @@ mod tests {
             let (let_go, held) = channel::<()>();
             let mut job = crew.start(move || held.recv().is_ok());
             assert!(job.wait(&mut || Err(Error::parameter("test", 1, "nothing"))).is_err());
-            assert_eq!(job.wait_until(Some(Instant::now()), &mut || Ok(())).unwrap(), None);
+            assert_eq!(job.wait_until(&|| Some(Instant::now()), &mut || Ok(())).unwrap(), None);
             let_go.send(()).unwrap();
             assert_eq!(job.wait(&mut || Ok(())).unwrap(), Ok(true));
         }

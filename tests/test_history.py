@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -62,6 +63,8 @@ def test_the_manifest_tells_the_truth(tmp_path: Path, data: Path) -> None:
     points = history.table(past.folder, "point_segment")
     windows = history.table(past.folder, "window")
     segments = history.table(past.folder, "segment_segment")
+    (digest,) = past.manifest.pop("digests")
+    assert re.fullmatch("37657:[0-9a-f]{8}", digest)
     assert past.manifest == {
         "format": "streamseg history",
         "version": 1,

@@ -219,7 +219,7 @@ def test_two_threads_at_one_stream_are_told_so_and_do_no_harm(tmp_path: Path) ->
     thread = threading.Thread(target=lambda: taken.extend(span.index for span in run))
     thread.start()
     assert reached.wait(60)
-    for call in (lambda: next(run), lambda: run.progress, run.stop, lambda: run.resolve([1]), lambda: run.live_entries):
+    for call in (lambda: next(run), lambda: run.progress, lambda: run.resolve([1]), lambda: run.live_entries):
         with pytest.raises(ss.StreamsegError, match=BUSY):
             call()
     go_on.set()

@@ -25,7 +25,7 @@ class InvalidType(InvalidParameter, TypeError):
 
 
 class SegmentorError(StreamsegError, ValueError):
-    """A segmentor returned something that is not one label per point."""
+    """A segmentor returned something that is not one label per point, or raised StopIteration."""
 
 
 class FileError(StreamsegError, OSError):
@@ -33,7 +33,7 @@ class FileError(StreamsegError, OSError):
 
 
 class StreamInUse(StreamsegError, RuntimeError):
-    """A stream was asked for a span while it was at work on one."""
+    """A stream was asked for a span while it was at work on one, or in a forked process."""
 
 
 class OutputExists(FileError, FileExistsError):

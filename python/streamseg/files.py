@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._core import Window
+from .callbacks import callback
 from .certificate import Certificate
 from .cutting import Spans
 from .errors import InvalidInput, InvalidParameter, InvalidType, warn
@@ -93,7 +94,8 @@ def segment_file(
     Raises
     ------
     FileError, OutputExists, InvalidInput, InvalidParameter
-        Before any work is done, where that can be known; and if the output cannot be written.
+        Before any work is done, where that can be known; and if the output cannot be written, or the input has changed
+        since it was opened: then nothing is written.
     Exception
         Whatever ends the run early (a KeyboardInterrupt too) is raised only after the points that were segmented so far
         have been written.
@@ -113,13 +115,12 @@ def segment_file(
         _check_apart(Path(history), output)
     cloud = open_cloud(paths)
     check_kind(cloud, output)
-    if on_open is not None:
-        on_open(cloud.point_count)
+    callback("on_open", on_open)(cloud.point_count)
     interrupt = _Interrupt()
     source = open_source(cloud)
     with interrupt, LabelSpool() as labels:
         run = stream(
-            counted(source, _first(interrupt.check, on_read)),
+            counted(source, _first(interrupt.check, callback("on_read", on_read))),
             segmentor,
             spans=spans,
             window=window,
@@ -131,7 +132,7 @@ def segment_file(
             preprocess=preprocess,
             revisit=revisit,
             overwrite=overwrite,
-            on_progress=_first(interrupt.check, on_progress),
+            on_progress=_first(interrupt.check, callback("on_progress", on_progress)),
             with_points=False,
         )
         aliases = 0
@@ -151,7 +152,8 @@ def segment_file(
                 shutil.rmtree(str(history), ignore_errors=True)
             raise failure
         with interrupt.deferred():
-            points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+            on_written = callback("on_write", on_write)
+            points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_written)
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
@@ -237,11 +239,10 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
-def _first(check: Callable[[object], None], then: Callable[[Any], None] | None) -> Callable[[Any], None]:
+def _first(check: Callable[[object], None], then: Callable[[Any], None]) -> Callable[[Any], None]:
     def both(value: Any) -> None:
         check(value)
-        if then is not None:
-            then(value)
+        then(value)
 
     return both
 
@@ -283,7 +284,8 @@ def resolve_file(
     Raises
     ------
     FileError, InvalidInput, OutputExists
-        If the history or the input cannot be read, they do not belong together, or the output cannot be written.
+        If the history or the input cannot be read, they do not belong together, the input has other points than the
+        history was made from, or the output cannot be written.
 
     Examples
     --------
@@ -300,10 +302,12 @@ def resolve_file(
     past = History(history)
     cloud = open_cloud(paths)
     _check_origin(past, cloud)
+    cloud.expect(past.manifest.get("digests"), f"the history {past.folder}")
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
-        return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+        on_written = callback("on_write", on_write)
+        return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_written)
 
 
 def _check_origin(past: History, cloud: Cloud) -> None:

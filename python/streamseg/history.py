@@ -103,8 +103,12 @@ class HistoryWriter:
         if self._waiting_rows >= _ROWS_PER_PART:
             self._write_part(complete=False)
 
-    def close(self, *, complete: bool, certificate: dict[str, int] | None = None) -> None:
-        """Write what waits and the manifest, with what the run could prove."""
+    def close(
+        self, *, complete: bool, certificate: dict[str, int] | None = None, digests: list[str] | None = None
+    ) -> None:
+        """Write what waits and the manifest, with what the run could prove, and which points the files had."""
+        if digests is not None:
+            self._manifest["digests"] = digests
         if certificate is not None:
             self._manifest["certificate"] = certificate
         self._write_part(complete=complete)

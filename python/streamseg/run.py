@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ._core import Pipeline, Recipe, SpanByCount, SpanByScanLine, Window
+from .callbacks import callback
 from .cutting import Asked, Cut, Spans, cut
 from .errors import InvalidParameter, warn
 from .history import HistoryWriter, check_free
@@ -44,10 +45,12 @@ def stream(
     Parameters
     ----------
     source : path, sequence of paths, (n, 3) array, or iterable of (n, 3) arrays
-        Where the points come from. Several files are one stream. An iterable is a live source: it is asked for an array
-        only when one is needed. An item may also be a pair ``(points, {"gps_time": …})``.
+        Where the points come from. Several files are one stream; a file that changes while it is read is refused. An
+        array has to stay as it is. An iterable is a live source: it is asked for an array only when one is needed. An
+        item may also be a pair ``(points, {"gps_time": …})``.
     segmentor : Segmentor, object with ``fit_predict(X)``, or function of the window
-        Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none.
+        Labels the points of a window; a function gets a `WindowPoints` and returns (n,) whole numbers, -1 = none. In an
+        unsigned type all numbers are labels but the one that -1 becomes there, which is refused.
         If it has them, its attributes ``min_segment_size`` and ``max_segment_size`` (in points) and ``sort`` ("native",
         "ascending" or "descending", by size) say which segments final ids keep and how they are numbered.
     spans : SpanByWidth, SpanByCount, SpanByTime, SpanByScanLine, Plan or "auto", optional
@@ -171,7 +174,10 @@ def _told(chosen: Cut, asked: Asked) -> dict[str, Any]:
 
 def _named(on_progress: Callable[[Progress], None] | None) -> Callable[[tuple[Any, ...]], None] | None:
     """Give the numbers of the core their names."""
-    return None if on_progress is None else lambda progress: on_progress(Progress(*progress))
+    if on_progress is None:
+        return None
+    told = callback("on_progress", on_progress)
+    return lambda progress: told(Progress(*progress))
 
 
 def _pipeline(

@@ -25,6 +25,9 @@ _CHUNK = 250_000
 # A scan line with more points than this is none.
 _LONGEST_LINE = 1_000_000
 
+# Kinds of arrays that NumPy would make numbers of: complex, times, texts.
+_NO_NUMBERS = "cmMSUV"
+
 # What a chunk is for the core: (n, 3) points, and one (n,) array per attribute that the spans need.
 CoreChunk = tuple[ArrayLike, tuple[ArrayLike, ...]]
 
@@ -40,6 +43,7 @@ class Source(NamedTuple):
     point_count : how many points are announced, if known
     damage : tells, after reading, what could not be read
     name : for people and manifests
+    digests : tells, once all has been read, how many points each file has, with a checksum; None if unknown
     extent_x : how far the points reach along x, if known without reading them
     can_be_stored : whether it has an end, so that spans by width may be laid out before the first is given
     """
@@ -53,6 +57,7 @@ class Source(NamedTuple):
     point_count: int | None = None
     damage: Callable[[], str | None] = lambda: None
     name: str = "array"
+    digests: Callable[[], list[str] | None] = lambda: None
     extent_x: float | None = None
     can_be_stored: bool = False
 
@@ -164,15 +169,21 @@ def _of_cloud(cloud: Cloud) -> Source:
         point_count=cloud.point_count,
         damage=lambda: cloud.damage,
         name=", ".join(str(path) for path in cloud.paths),
+        digests=lambda: cloud.digests,
         extent_x=cloud.extent_x,
     )
+
+
+def _as_points(points: NDArray[Any]) -> NDArray[Any]:
+    if points.dtype.kind in ("b", *_NO_NUMBERS) and points.dtype.names is None:
+        raise InvalidInput(f"points is an array that is no array of numbers ({points.dtype}), expected shape (n, 3)")
+    return points
 
 
 def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if points.size and (points.ndim != 2 or points.shape[1] != 3):
         raise InvalidInput(f"points has shape {points.shape}, expected (n, 3): x, y and z")
-    if points.dtype.kind in "bc":
-        raise InvalidInput(f"points is an array that is no array of numbers ({points.dtype}), expected shape (n, 3)")
+    _as_points(points)
     if not isinstance(attributes, Mapping):
         given = type(attributes).__name__
         raise InvalidInput(
@@ -204,7 +215,9 @@ def _extent_along_x(points: NDArray[Any]) -> float | None:
 
 
 def _column(name: str, values: ArrayLike, count: int) -> NDArray[Any]:
-    column = np.asarray(values)
+    column = _as_array(values)
+    if column.dtype.kind in _NO_NUMBERS:
+        raise InvalidInput(f"{name} is no array of numbers ({column.dtype}), expected shape ({count},)")
     if column.shape != (count,):
         raise InvalidInput(f"{name} has shape {column.shape}, expected ({count},): one value per point")
     return column
@@ -235,7 +248,8 @@ def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:
     def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         for item in source:
             points, attributes = item if _has_attributes(item) else (item, {})
-            count = len(_as_array(points)) if names else 0
+            points = _as_points(_as_array(points))
+            count = len(points) if points.ndim and names else 0
             yield points, tuple(_column(name, _found(attributes, name), count) for name in names)
 
     # A list can be read to its end; a generator may have none, so only order tells where a slab ends.

@@ -18,7 +18,7 @@ from .history import HistoryWriter
 from .source import Source
 
 if TYPE_CHECKING:
-    from ._core import SettledSpan
+    from ._core import SettledSpan, Turn
     from ._core import Span as CoreSpan
 
 Ids = NDArray[np.int64]
@@ -87,6 +87,10 @@ class Stream:
     so far is still segmented and written, and the history is closed. Left by a KeyboardInterrupt, it waits a second for
     that, no more: windows that are not segmented by then are given up.
 
+    One thread at a time takes spans; another that tries gets a `StreamInUse`. Any thread may `stop`
+    or `close` it at any time. A forked process cannot go on with it: it gets a `StreamInUse` too, and
+    closing it there does nothing.
+
     Attributes
     ----------
     exactness : str
@@ -113,8 +117,8 @@ class Stream:
         self._core = core
         self._result = result
         self._history = history
-        self._stopped = False
         self._ended = False
+        self._closing = False
         self._closed = False
         self._told_damage = False
         self._settlement: Settlement | None = None
@@ -136,8 +140,19 @@ class Stream:
     def __next__(self) -> Span:
         if self._closed:
             raise StopIteration
-        if self._settlement is not None:
-            return self._next_settled(self._settlement)
+        with self._turn():
+            return self._next() if self._settlement is None else self._next_settled(self._settlement)
+
+    def _turn(self) -> Turn:
+        """Take the turn, for a ``with`` block; no variable keeps it: exceptions keep those alive."""
+        try:
+            return self._core.turn()
+        except StreamInUse:
+            if self._closing and self._core.is_at_home():
+                raise StopIteration from None
+            raise
+
+    def _next(self) -> Span:
         core = self._next_woven()
         ids = core.raw_ids if self._result == "history" else core.carried_ids
         aliases = _NO_ALIASES if self._result == "history" else core.aliases
@@ -218,6 +233,10 @@ class Stream:
     def stop(self, patience: float | None = None) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out.
 
+        May be called from any thread, from a callback or from the source itself; it never waits. A live
+        source that is waited for cannot be interrupted: the stream goes on when its next array comes,
+        which is still segmented, or its end.
+
         Parameters
         ----------
         patience : float, optional
@@ -225,22 +244,33 @@ class Stream:
             before them had do not come out. Default: none is.
         """
         self._core.stop(patience)
-        self._stopped = True
 
     def close(self) -> None:
-        """Stop the source and close the history; spans that nobody took are written there all the same."""
+        """Stop the source and close the history; spans that nobody took are written there all the same.
+
+        If another thread is taking a span just then, this only asks to stop, as `stop` does: that thread
+        gets what has come, then the end, and closes the history with it.
+        """
         self._close(patience=None)
 
     def _close(self, patience: float | None) -> None:
-        if not self._ended:
+        if not self._ended and self._core.is_at_home():
+            self._closing = True
             self.stop(patience)
-            if self._history is not None:
-                with contextlib.suppress(StopIteration):
-                    while True:
-                        self._next_woven()
-                        self._core.acknowledge()
-            self._end(complete=False)
+            try:
+                with self._turn():
+                    self._write_the_rest()
+            except StopIteration:
+                return  # whoever has the turn goes on
         self._closed = True
+
+    def _write_the_rest(self) -> None:
+        if self._history is not None:
+            with contextlib.suppress(StopIteration):
+                while True:
+                    self._next_woven()
+                    self._core.acknowledge()
+        self._end(complete=False)
 
     def _next_woven(self) -> CoreSpan:
         """Take the next span from the core and write it; the same again until it is acknowledged.
@@ -251,7 +281,7 @@ class Stream:
             span = next(self._core)
         except StopIteration:
             damage = self._source.damage()
-            self._end(complete=damage is None and not self._stopped)
+            self._end(complete=damage is None and self._core.is_whole())
             if damage and not self._told_damage:
                 self._told_damage = True
                 warn(damage)
@@ -259,7 +289,7 @@ class Stream:
         except StreamInUse:
             raise
         except BaseException:
-            if self._core.is_ended():
+            if self._core.is_at_home() and self._core.is_ended():
                 self._end(complete=False)
             raise
         if self._history is not None:
@@ -277,7 +307,9 @@ class Stream:
     def _end(self, *, complete: bool) -> None:
         if self._history is not None:
             try:
-                self._history.close(complete=complete, certificate=self.certificate._asdict())
+                self._history.close(
+                    complete=complete, certificate=self.certificate._asdict(), digests=self._source.digests()
+                )
             except StreamsegError:
                 # Told once: what was segmented comes out all the same.
                 self._history, self._ended = None, True

@@ -9,6 +9,7 @@ mod intake;
 mod late_joins;
 mod outgoing;
 mod planes;
+mod stopper;
 mod weaving;
 
 use std::collections::VecDeque;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub use outgoing::{Outgoing, Progress, WovenWindow};
+pub use stopper::Stopper;
 
 use crate::certificate::Certificate;
 use crate::crew::{Crew, Job};
@@ -53,8 +55,7 @@ pub struct Pipeline {
     finished: bool,
     /// Whether not all that the source had may have been segmented.
     is_cut_short: bool,
-    /// When windows that are not segmented yet are given up.
-    deadline: Option<Instant>,
+    stopper: Stopper,
     look_up: LookUp,
     progress: Progress,
     certificate: Certificate,
@@ -103,7 +104,7 @@ impl Pipeline {
             failure: None,
             finished: false,
             is_cut_short: false,
-            deadline: None,
+            stopper: Stopper::default(),
             look_up: Box::new(|_| Ok(())),
             progress: Progress::default(),
             certificate: Certificate::default(),
@@ -115,6 +116,13 @@ impl Pipeline {
     #[must_use]
     pub fn with_look_up(mut self, look_up: impl FnMut(&Progress) -> Result<()> + Send + 'static) -> Self {
         self.look_up = Box::new(look_up);
+        self
+    }
+
+    /// Lets other threads stop the run while it is at work.
+    #[must_use]
+    pub fn with_stopper(mut self, stopper: Stopper) -> Self {
+        self.stopper = stopper;
         self
     }
 
@@ -137,15 +145,22 @@ impl Pipeline {
 
     /// Asks the source for nothing more: the points that have come are segmented and come out, then the stream ends.
     pub fn stop(&mut self) {
-        self.is_cut_short |= !self.finished;
-        self.intake.stop();
+        self.stopper.stop(None);
+        self.heed_stopper();
     }
 
     /// Stops, and gives up the windows that are not segmented `patience` from now: those of their points that no window
     /// before them had do not come out.
     pub fn stop_within(&mut self, patience: Duration) {
-        self.stop();
-        self.deadline = Instant::now().checked_add(patience);
+        self.stopper.stop(Some(patience));
+        self.heed_stopper();
+    }
+
+    fn heed_stopper(&mut self) {
+        if self.stopper.is_asked() {
+            self.is_cut_short |= !self.finished;
+            self.intake.stop();
+        }
     }
 
     /// Whether nothing more will come out: no span and no failure.
@@ -190,7 +205,8 @@ impl Pipeline {
     /// One step of the figure; an error asks for a pause, not for the end.
     fn step(&mut self) -> Result<()> {
         (self.look_up)(&self.progress)?;
-        if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+        self.heed_stopper();
+        if self.stopper.deadline().is_some_and(|deadline| Instant::now() >= deadline) {
             self.give_up(None);
         }
         if self.under_way.len() < self.crew.threads() && self.take_in() {
@@ -230,7 +246,7 @@ impl Pipeline {
     /// Waits for the oldest window under way and weaves it, unless some of its points have to be looked at again first.
     fn weave_window(&mut self) -> Result<()> {
         let Some(first) = self.under_way.front_mut() else { return Ok(()) };
-        let look = first.look.wait_until(self.deadline, &mut || (self.look_up)(&self.progress))?;
+        let look = first.look.wait_until(&|| self.stopper.deadline(), &mut || (self.look_up)(&self.progress))?;
         let Some(look) = look else { return Ok(()) };
         let Some(window) = self.under_way.pop_front() else { return Ok(()) };
         match look {

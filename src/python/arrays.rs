@@ -7,6 +7,7 @@ use numpy::{
 use pyo3::intern;
 use pyo3::prelude::*;
 
+use super::calls::call_named;
 use super::errors::InvalidInput;
 use crate::error::{Error, Result};
 use crate::lattice::Lattice;
@@ -114,10 +115,13 @@ impl Iterator for PyChunks {
     fn next(&mut self) -> Option<Self::Item> {
         Python::attach(|py| {
             let chunks = self.chunks.bind(py);
-            let item = chunks.try_iter().and_then(|mut chunks| chunks.next().transpose());
+            let item =
+                call_named(py, "the source", || chunks.try_iter().and_then(|mut chunks| chunks.next().transpose()));
             match item {
                 Ok(None) => None,
-                Ok(Some(item)) => Some(self.chunk(&item).map_err(Error::from)),
+                Ok(Some(item)) => {
+                    Some(call_named(py, "an array of the source", || self.chunk(&item)).map_err(Error::from))
+                }
                 Err(exception) => Some(Err(exception.into())),
             }
         })

@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 
 use super::arrays::{LatticeOf, chunks_of, lattice_of};
 use super::errors::guarded;
+use super::home::Home;
 use super::spans::PySpanByWidth;
 use super::stream::look_up;
 use crate::pipeline::Progress;
@@ -26,13 +27,13 @@ impl PySlabCounts {
         drop_invalid: bool,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
-        let lattice = lattice_of(lattice)?;
+        let (home, lattice) = (Home::of("the run"), lattice_of(lattice)?);
         let chunks = chunks_of(chunks, vec![], drop_invalid)?;
         let counts = guarded(py, || {
             let mut counting = Counting::new(width, &lattice)?;
             for chunk in chunks {
                 counting.add(&chunk?)?;
-                look_up(&Progress::default(), on_progress.as_ref())?;
+                look_up(home, &Progress::default(), on_progress.as_ref())?;
             }
             Ok(counting.finish())
         })?;

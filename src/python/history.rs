@@ -6,13 +6,14 @@ use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use super::errors::guarded;
+use super::home::Home;
 use super::selection::SizeOptions;
 use super::stream::PySettlement;
 use crate::weaver::Replay;
 
 /// Replays the parts of a history, in order, into a settlement.
 #[pyclass(frozen, name = "Replay", module = "streamseg._core")]
-pub struct PyReplay(Mutex<Replay>);
+pub struct PyReplay(Mutex<Replay>, Home);
 
 #[pymethods]
 impl PyReplay {
@@ -20,7 +21,8 @@ impl PyReplay {
     #[pyo3(signature = (last_segment_id, late_joins = false))]
     fn new(last_segment_id: i64, late_joins: bool) -> Self {
         let replay = Replay::new(last_segment_id);
-        Self(Mutex::new(if late_joins { replay.with_late_joins() } else { replay }))
+        let replay = if late_joins { replay.with_late_joins() } else { replay };
+        Self(Mutex::new(replay), Home::of("the history under way"))
     }
 
     /// Takes in one part: rows of the segment-segment table, segments without a seed, and raw ids of points; returns
@@ -33,6 +35,7 @@ impl PyReplay {
         seedless: PyReadonlyArray1<'py, i64>,
         raw_ids: PyReadonlyArray1<'py, i64>,
     ) -> PyResult<(Bound<'py, PyArray1<i64>>, u64)> {
+        self.1.check()?;
         let (segments, next) = (segment_ids.as_array(), next_segment_ids.as_array());
         let rows: Vec<[i64; 2]> = segments.iter().zip(next).map(|(&id, &next)| [id, next]).collect();
         let seedless: Vec<i64> = seedless.as_array().iter().copied().collect();
@@ -50,13 +53,14 @@ impl PyReplay {
         settlement: &PySettlement,
         limits: Option<(i64, Option<i64>, String)>,
     ) -> PyResult<()> {
+        self.1.check()?;
         let sizes = limits.map(|(min, max, sort)| SizeOptions::new(min, max, &sort)).transpose()?;
         guarded(py, || {
             let mut replay = self.lock();
             replay.finish();
             let log = replay.aliases();
             let selection = sizes.map(|sizes| sizes.select(log)).transpose()?.unwrap_or_default();
-            Ok(settlement.lock().settle(log, &selection)?)
+            Ok(settlement.lock()?.settle(log, &selection)?)
         })
     }
 }

@@ -4,10 +4,12 @@
 #![allow(clippy::needless_pass_by_value, clippy::doc_markdown)]
 
 mod arrays;
+mod calls;
 mod errors;
 mod features;
 mod finalization;
 mod history;
+mod home;
 mod numbers;
 mod plan;
 mod preprocessing;
@@ -55,7 +57,7 @@ mod _core {
     #[pymodule_export]
     use super::spans::{PySpanByCount, PySpanByScanLine, PySpanByTime, PySpanByWidth, PyWindowSize};
     #[pymodule_export]
-    use super::stream::{PyPipeline, PySettled, PySettlement, PySpan};
+    use super::stream::{PyPipeline, PySettled, PySettlement, PySpan, PyTurn};
     #[pymodule_export]
     use super::survey::{PyFeatureSurvey, PyFeatures, PyThinnedSpan, PyThinning};
 }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use pyo3::prelude::*;
 
 use super::arrays::{LatticeOf, lattice_of};
+use super::calls::call_named;
 use super::errors::{InvalidParameter, guarded};
+use super::home::Home;
 use super::numbers::{Real, Whole};
 use super::survey::{Cloud, signals};
 use crate::error::Error;
@@ -321,17 +323,17 @@ pub(super) fn _measure(
     drop_invalid: bool,
 ) -> PyResult<Py<PyAny>> {
     let earlier = stages(earlier)?;
-    let removal = removal.removal;
+    let (home, removal) = (Home::of("the survey"), removal.removal);
     let grid = lattice_of(lattice)?;
     let statistics = guarded(py, || {
         let mut open = || {
             Python::attach(|py| {
-                let chunks = chunks.bind(py).call0()?;
+                let chunks = call_named(py, "the source", || chunks.bind(py).call0())?;
                 Ok(Cloud::new(&chunks, Some(spans.bind(py)), true, lattice, drop_invalid)?.spans)
             })
             .map_err(|exception: PyErr| Error::from(exception))
         };
-        Ok(measure(removal, &earlier, &mut open, grid, width, threads, &mut || Box::new(signals))?)
+        Ok(measure(removal, &earlier, &mut open, grid, width, threads, &mut || Box::new(move || signals(home)))?)
     })?;
     in_python(py, &statistics)
 }

@@ -1,14 +1,17 @@
 //! The pipeline as a Python iterator of spans.
 
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError, Weak};
 use std::time::Duration;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use super::arrays::{LatticeOf, aligned, chunks_of, lattice_of, read_only, real_positions, rows};
+use super::calls::call_named;
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::finalization::PySlabCounts;
+use super::home::Home;
 use super::numbers::Whole;
 use super::segmentors::PyRecipe;
 use super::selection::SizeOptions;
@@ -17,7 +20,7 @@ use crate::certificate::Certificate;
 use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
-use crate::pipeline::{Outgoing, Pipeline, Progress, WovenWindow};
+use crate::pipeline::{Outgoing, Pipeline, Progress, Stopper, WovenWindow};
 use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
 use crate::span::{Source, Span, finalized_spans_of, spans_of};
@@ -26,7 +29,11 @@ use crate::weaver::Selection;
 /// Streams chunks through spans, windows, segmentor and weaver.
 #[pyclass(frozen, name = "Pipeline", module = "streamseg._core")]
 pub struct PyPipeline {
-    pipeline: Mutex<Pipeline>,
+    pipeline: Arc<Mutex<Pipeline>>,
+    home: Home,
+    stopper: Stopper,
+    /// The turn that somebody has.
+    turn: Mutex<Weak<()>>,
     /// The span given last, until it is acknowledged: an interrupt on its way to the taker must not lose it.
     given: Mutex<Option<Py<PySpan>>>,
     lattice: Lattice,
@@ -83,6 +90,7 @@ impl PyPipeline {
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
         let chunks = chunks_of(chunks, names.clone(), drop_invalid)?;
+        let (home, stopper) = (Home::of("the stream"), Stopper::default());
         let exactness = segmentor.exactness();
         let is_in_stream_order = counts.is_none() && !by.is_in_space();
         let (spans, mut assessment) = match counts {
@@ -90,14 +98,19 @@ impl PyPipeline {
                 finalized_spans_of(chunks, by, &lattice, counts)?,
                 exactness.assess(counts.by(), window.0, &lattice).finalized(),
             ),
-            None if brings_back => (spans_of(chunks, by, &lattice, source)?, exactness.assess_bringing_back()),
-            None => (spans_of(chunks, by, &lattice, source)?, exactness.assess(by, window.0, &lattice)),
+            // Not of a source whose slabs are counted: those would be as if it had changed.
+            None => {
+                let spans = spans_of(stopper.until_asked(chunks), by, &lattice, source)?;
+                let as_cut = || exactness.assess(by, window.0, &lattice);
+                (spans, if brings_back { exactness.assess_bringing_back() } else { as_cut() })
+            }
         };
         let crew = Crew::new(threads)?;
         let name = segmentor.name().to_string();
         let mut pipeline = Pipeline::new(spans, lattice, segmentor, window.0, crew)
             .with_attributes(names)
-            .with_look_up(move |progress| look_up(progress, on_progress.as_ref()));
+            .with_stopper(stopper.clone())
+            .with_look_up(move |progress| look_up(home, progress, on_progress.as_ref()));
         if pipeline.looks_again() {
             assessment = assessment.with_second_looks();
         }
@@ -105,7 +118,10 @@ impl PyPipeline {
             pipeline = pipeline.with_revisit(Revisit::new(exactness, lattice)?);
         }
         Ok(Self {
-            pipeline: Mutex::new(pipeline),
+            pipeline: Arc::new(Mutex::new(pipeline)),
+            home,
+            stopper,
+            turn: Mutex::default(),
             given: Mutex::new(None),
             lattice,
             sizes,
@@ -122,12 +138,25 @@ impl PyPipeline {
         slf
     }
 
-    /// The next span; the same again until it is acknowledged.
+    /// The turn to take spans, which one can have at a time; given back when it is left, or nobody has it any more.
+    fn turn(&self) -> PyResult<PyTurn> {
+        self.home.check()?;
+        let mut turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        if turn.strong_count() > 0 {
+            return Err(in_use());
+        }
+        let taken = Arc::new(());
+        *turn = Arc::downgrade(&taken);
+        Ok(PyTurn(Mutex::new(Some(taken))))
+    }
+
+    /// The next span; the same again until it is acknowledged. For whoever has the turn.
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Py<PySpan>>> {
+        self.home.check()?;
         if let Some(span) = self.given().as_ref() {
             return Ok(Some(span.clone_ref(py)));
         }
-        let Some(outgoing) = guarded(py, || Ok(self.lock()?.next().transpose()?))? else {
+        let Some(outgoing) = guarded(py, || Ok(self.own()?.next().transpose()?))? else {
             return Ok(None);
         };
         let span = Py::new(py, PySpan::new(py, outgoing, self.lattice)?)?;
@@ -152,16 +181,17 @@ impl PyPipeline {
     }
 
     /// Asks the source for no further span; those that have come are still segmented and come out, as far as that takes
-    /// no more than so many seconds.
+    /// no more than so many seconds. From any thread at any time.
     #[pyo3(signature = (patience = None))]
-    fn stop(&self, py: Python<'_>, patience: Option<f64>) -> PyResult<()> {
-        let patience = patience.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-        py.detach(|| {
-            self.lock().map(|mut pipeline| match patience {
-                Some(patience) => pipeline.stop_within(patience),
-                None => pipeline.stop(),
-            })
-        })
+    fn stop(&self, patience: Option<f64>) {
+        if self.home.is_here() {
+            self.stopper.stop(patience.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()));
+        }
+    }
+
+    /// Whether this is the process that it was made in, and not one forked from that.
+    fn is_at_home(&self) -> bool {
+        self.home.is_here()
     }
 
     /// The fewest points of a segment that final results keep.
@@ -205,7 +235,7 @@ impl PyPipeline {
         guarded(py, || {
             let mut pipeline = self.lock()?;
             let selection = self.sizes.select(pipeline.aliases())?;
-            settlement.lock().settle(pipeline.aliases(), &selection)?;
+            settlement.lock()?.settle(pipeline.aliases(), &selection)?;
             Ok((selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()))
         })
     }
@@ -232,17 +262,57 @@ impl PyPipeline {
         self.given.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// To be called without the interpreter, which the pipeline may need while it holds the lock.
+    /// A short look, unless the stream is at work. To be called without the interpreter, which the pipeline may need while it
+    /// holds the lock.
     fn lock(&self) -> PyResult<MutexGuard<'_, Pipeline>> {
-        match self.pipeline.try_lock() {
-            Ok(pipeline) => Ok(pipeline),
-            Err(TryLockError::Poisoned(_)) => {
-                Err(StreamsegError::new_err("the stream has come to a stop by a defect; nothing more comes out"))
+        self.home.check()?;
+        for _ in 0..PATIENCE_WITH_LOOKS {
+            match self.pipeline.try_lock() {
+                Ok(pipeline) => return Ok(pipeline),
+                Err(TryLockError::Poisoned(_)) => return Err(defect()),
+                // Another thread may have a short look, too.
+                Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(1)),
             }
-            Err(TryLockError::WouldBlock) => Err(StreamInUse::new_err(
-                "the stream is at work already, in another thread or in its own source; take spans from one place",
-            )),
         }
+        Err(in_use())
+    }
+
+    /// For whoever has the turn: all others have short looks at most. To be called without the interpreter.
+    fn own(&self) -> PyResult<MutexGuard<'_, Pipeline>> {
+        self.pipeline.lock().map_err(|_| defect())
+    }
+}
+
+impl Drop for PyPipeline {
+    fn drop(&mut self) {
+        self.home.keep_elsewhere(&self.pipeline);
+    }
+}
+
+/// For how many milliseconds a short look waits for another.
+const PATIENCE_WITH_LOOKS: usize = 20;
+
+fn in_use() -> PyErr {
+    StreamInUse::new_err(
+        "the stream is at work already, in another thread or in its own source; take spans from one place",
+    )
+}
+
+fn defect() -> PyErr {
+    StreamsegError::new_err("the stream has come to a stop by a defect; nothing more comes out")
+}
+
+/// The turn to take spans: for a `with` block. An interrupt between any two steps leaves no turn behind.
+#[pyclass(frozen, name = "Turn", module = "streamseg._core")]
+pub struct PyTurn(Mutex<Option<Arc<()>>>);
+
+#[pymethods]
+impl PyTurn {
+    fn __enter__(&self) {}
+
+    #[pyo3(signature = (*_args))]
+    fn __exit__(&self, _args: &Bound<'_, PyTuple>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 }
 
@@ -277,13 +347,12 @@ fn certificate_tuple(certificate: &Certificate) -> CertificateTuple {
     )
 }
 
-pub(super) fn look_up(progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+pub(super) fn look_up(home: Home, progress: &Progress, on_progress: Option<&Py<PyAny>>) -> Result<(), Error> {
+    home.check()?;
     Python::attach(|py| -> PyResult<()> {
-        py.check_signals()?;
-        if let Some(on_progress) = on_progress {
-            on_progress.call1(py, (tuple(progress),))?;
-        }
-        Ok(())
+        call_named(py, "a signal's handler", || py.check_signals())?;
+        let Some(on_progress) = on_progress else { return Ok(()) };
+        call_named(py, "on_progress", || on_progress.call1(py, (tuple(progress),)).map(drop))
     })
     .map_err(Error::from)
 }
@@ -396,6 +465,7 @@ impl PySpan {
 #[pyclass(frozen, name = "Settlement", module = "streamseg._core")]
 pub struct PySettlement {
     settlement: Mutex<Settlement>,
+    home: Home,
     with_points: bool,
     lattice: Lattice,
 }
@@ -406,7 +476,7 @@ impl PySettlement {
     #[pyo3(signature = (*, lattice = None, with_points = true))]
     fn new(lattice: LatticeOf, with_points: bool) -> PyResult<Self> {
         let lattice = lattice_of(lattice)?;
-        Ok(Self { settlement: Mutex::default(), with_points, lattice })
+        Ok(Self { settlement: Mutex::default(), home: Home::of("the stream"), with_points, lattice })
     }
 
     /// Keeps a span of a pipeline.
@@ -414,7 +484,7 @@ impl PySettlement {
         let (point_ids, carried) = (span.point_ids.bind(py).readonly(), span.carried_ids.bind(py).readonly());
         let (point_ids, carried) = (point_ids.as_slice()?, carried.as_slice()?);
         let positions: &[[f64; 3]] = if self.with_points { &span.span.points } else { &[] };
-        Ok(self.lock().keep(span.index, point_ids, carried, positions, span.settles_at)?)
+        Ok(self.lock()?.keep(span.index, point_ids, carried, positions, span.settles_at)?)
     }
 
     /// Keeps ids that a replay carried.
@@ -425,7 +495,7 @@ impl PySettlement {
         carried_ids: PyReadonlyArray1<'_, i64>,
         settles_at: u64,
     ) -> PyResult<()> {
-        Ok(self.lock().keep(index, point_ids.as_slice()?, carried_ids.as_slice()?, &[], settles_at)?)
+        Ok(self.lock()?.keep(index, point_ids.as_slice()?, carried_ids.as_slice()?, &[], settles_at)?)
     }
 
     fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -433,7 +503,7 @@ impl PySettlement {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<PySettled>> {
-        match guarded(py, || Ok(self.lock().next().transpose()?))? {
+        match guarded(py, || Ok(self.lock()?.next().transpose()?))? {
             Some(settled) => PySettled::new(py, settled, &self.lattice).map(Some),
             None => Ok(None),
         }
@@ -441,8 +511,9 @@ impl PySettlement {
 }
 
 impl PySettlement {
-    pub(super) fn lock(&self) -> MutexGuard<'_, Settlement> {
-        self.settlement.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn lock(&self) -> PyResult<MutexGuard<'_, Settlement>> {
+        self.home.check()?;
+        Ok(self.settlement.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 

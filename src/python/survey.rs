@@ -6,8 +6,10 @@ use numpy::{IntoPyArray, PyArray1, PyArray2};
 use pyo3::prelude::*;
 
 use super::arrays::{LatticeOf, chunks_of, lattice_of, real_positions};
+use super::calls::call_named;
 use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::features::feature;
+use super::home::Home;
 use super::numbers::Whole;
 use super::preprocessing::stages;
 use super::searches::search;
@@ -55,9 +57,10 @@ fn halo(length: f64) -> Halo {
     }
 }
 
-/// Lets Python interrupt a survey.
-pub(super) fn signals() -> Result<(), Error> {
-    Python::attach(|py| Ok(py.check_signals()?))
+/// Lets Python interrupt a survey, which goes on in its own process only.
+pub(super) fn signals(home: Home) -> Result<(), Error> {
+    home.check()?;
+    Python::attach(|py| Ok(call_named(py, "a signal's handler", || py.check_signals())?))
 }
 
 /// The points of a span that stand for the cloud's.
@@ -70,7 +73,7 @@ struct ThinnedSpan {
 
 /// Thins a cloud, span by span.
 #[pyclass(frozen, name = "Thinning", module = "streamseg._core")]
-pub struct PyThinning(Mutex<Survey<ThinnedSpan>>);
+pub struct PyThinning(Surveyor<ThinnedSpan>);
 
 #[pymethods]
 impl PyThinning {
@@ -104,7 +107,7 @@ impl PyThinning {
             })
         };
         let survey = Survey::new(spans, lattice, vec![], halo, crew, Arc::new(thin))?;
-        Ok(Self(Mutex::new(survey.with_look_up(signals))))
+        Ok(Self(Surveyor::new(survey)))
     }
 
     fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -112,7 +115,7 @@ impl PyThinning {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<PyThinnedSpan>> {
-        let Some(ThinnedSpan { index, points, point_ids, count }) = next(py, &self.0)? else { return Ok(None) };
+        let Some(ThinnedSpan { index, points, point_ids, count }) = self.0.next(py)? else { return Ok(None) };
         Ok(Some(PyThinnedSpan {
             index,
             points: real_positions(py, &points, &Lattice::REAL)?.unbind(),
@@ -122,17 +125,37 @@ impl PyThinning {
     }
 }
 
-/// The next of a survey, without the interpreter, which its source may need.
-pub(super) fn next<R: Send + 'static>(py: Python<'_>, survey: &Mutex<Survey<R>>) -> PyResult<Option<R>> {
-    guarded(py, || match survey.try_lock() {
-        Ok(mut survey) => Ok(survey.next().transpose()?),
-        Err(TryLockError::Poisoned(_)) => {
-            Err(StreamsegError::new_err("the survey has come to a stop by a defect; nothing more comes out"))
-        }
-        Err(TryLockError::WouldBlock) => Err(StreamInUse::new_err(
-            "the survey is at work already, in another thread or in its own source; take spans from one place",
-        )),
-    })
+/// A survey that belongs to the process that it was made in.
+struct Surveyor<R> {
+    survey: Arc<Mutex<Survey<R>>>,
+    home: Home,
+}
+
+impl<R: Send + 'static> Surveyor<R> {
+    fn new(survey: Survey<R>) -> Self {
+        let home = Home::of("the survey");
+        Self { survey: Arc::new(Mutex::new(survey.with_look_up(move || signals(home)))), home }
+    }
+
+    /// The next of the survey, without the interpreter, which its source may need.
+    fn next(&self, py: Python<'_>) -> PyResult<Option<R>> {
+        self.home.check()?;
+        guarded(py, || match self.survey.try_lock() {
+            Ok(mut survey) => Ok(survey.next().transpose()?),
+            Err(TryLockError::Poisoned(_)) => {
+                Err(StreamsegError::new_err("the survey has come to a stop by a defect; nothing more comes out"))
+            }
+            Err(TryLockError::WouldBlock) => Err(StreamInUse::new_err(
+                "the survey is at work already, in another thread or in its own source; take spans from one place",
+            )),
+        })
+    }
+}
+
+impl<R> Drop for Surveyor<R> {
+    fn drop(&mut self) {
+        self.home.keep_elsewhere(&self.survey);
+    }
 }
 
 /// A span of a cloud that has been thinned.
@@ -173,7 +196,7 @@ struct Found {
 
 /// Computes features, span by span.
 #[pyclass(frozen, name = "FeatureSurvey", module = "streamseg._core")]
-pub struct PyFeatureSurvey(Mutex<Survey<Found>>);
+pub struct PyFeatureSurvey(Surveyor<Found>);
 
 #[pymethods]
 impl PyFeatureSurvey {
@@ -199,7 +222,7 @@ impl PyFeatureSurvey {
         let Cloud { spans, lattice } = Cloud::new(chunks, spans, stored, lattice, false)?;
         let look = move |window: &Window| Ok(features_of(window, search, fit, &wanted));
         let survey = Survey::new(spans, lattice, vec![], halo(search.reach()), Crew::new(threads)?, Arc::new(look))?;
-        Ok(Self(Mutex::new(survey.with_look_up(signals))))
+        Ok(Self(Surveyor::new(survey)))
     }
 
     fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -207,7 +230,7 @@ impl PyFeatureSurvey {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<PyFeatures>> {
-        let Some(Found { point_ids, columns, undecided }) = next(py, &self.0)? else { return Ok(None) };
+        let Some(Found { point_ids, columns, undecided }) = self.0.next(py)? else { return Ok(None) };
         Ok(Some(PyFeatures {
             point_ids: point_ids.into_pyarray(py).unbind(),
             columns: columns.into_iter().map(|column| column.into_pyarray(py).unbind()).collect(),

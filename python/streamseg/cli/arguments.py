@@ -9,7 +9,7 @@ from typer.core import TyperCommand
 from ..errors import InvalidParameter
 
 # Exit status: 0 done, 1 internal error, 2 wrong usage or input, 3 not identical (verify); after a signal
-# see `interrupt`.
+# see `interrupt`; where nobody hears what is said, see `voice`.
 INTERNAL = 1
 WRONG = 2
 DIFFERENT = 3

@@ -18,7 +18,7 @@ from ..files import resolve_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from . import interrupt, methods, wording
+from . import interrupt, methods, voice, wording
 from .arguments import INTERNAL, MOST, WRONG, Inputs, InToOut, Output, Overwrite
 from .plan import explained
 from .segment import segment
@@ -166,6 +166,12 @@ def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
     _give_memory_back()
     warnings.showwarning = _warn
+    with voice.heard():
+        _run()
+    sys.exit(INTERNAL)
+
+
+def _run() -> None:
     try:
         interrupt.listen()
         app()
@@ -180,4 +186,3 @@ def main() -> NoReturn:
             raise
         typer.echo(f"streamseg: {_as_typed(error)}", err=True)
         sys.exit(WRONG)
-    sys.exit(INTERNAL)

@@ -17,6 +17,7 @@ from .lattice import Lattice
 from .opening import require_file, telling
 from .output import check_output
 from .sink import check_kind, read_labels, write_labelled
+from .unchanged import Witness
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +67,8 @@ def open_cloud(paths: Path | str | Sequence[Path | str]) -> Cloud:
     """
     if isinstance(paths, (str, Path)):
         paths = [paths]
-    return Cloud([_open_source(Path(path)) for path in paths])
+    witnesses = [Witness(Path(path)) for path in paths]
+    return Cloud([_open_source(Path(path)) for path in paths], witnesses)
 
 
 def _open_source(path: Path) -> Source:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning, warn
 from .lattice import Lattice, common_lattice
+from .unchanged import Witness
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -46,7 +47,8 @@ class Source(Protocol):
 class Cloud:
     """One or more files of one kind as a single stream; point ids run on from file to file.
 
-    A cloud can be iterated any number of times and always yields the same points.
+    A cloud can be iterated any number of times and always yields the same points: files that change
+    in between are refused (see `streamseg.io.unchanged`).
 
     Attributes
     ----------
@@ -67,8 +69,9 @@ class Cloud:
         After an iteration: one sentence that says which points could not be read.
     """
 
-    def __init__(self, sources: Sequence[Source]) -> None:
+    def __init__(self, sources: Sequence[Source], witnesses: Sequence[Witness] | None = None) -> None:
         self.sources = tuple(sources)
+        self.witnesses = tuple(witnesses or (Witness(source.path) for source in self.sources))
         self.paths = tuple(source.path for source in self.sources)
         self.kind = _one_kind(self.sources)
         counts = [source.point_count for source in self.sources]
@@ -100,7 +103,8 @@ class Cloud:
         InvalidInput
             An attribute that a file does not have.
         FileError
-            Not one point can be read. Damage after the first point ends the file and is told in `damage`.
+            Not one point can be read, or a file has changed since it was opened. Damage after the first
+            point ends the file and is told in `damage`.
         """
         if size < 1:
             raise InvalidParameter(f"chunk size is {size}, must be 1 or more")
@@ -114,14 +118,34 @@ class Cloud:
     def _iterate(self, size: int, attributes: tuple[str, ...]) -> Generator[Chunk, None, None]:
         self.damage = None
         seen = 0
-        for source, shift in zip(self.sources, self.shifts, strict=True):
-            for chunk in source.chunks(size, attributes):
-                seen += len(chunk.points)
-                shift.apply(chunk.points)
-                yield chunk
+        for source, witness, shift in zip(self.sources, self.witnesses, self.shifts, strict=True):
+            with witness.reading() as reading:
+                for chunk in source.chunks(size, attributes):
+                    seen += len(chunk.points)
+                    reading.add(chunk.points)
+                    shift.apply(chunk.points)
+                    yield chunk
+                reading.is_damaged = source.damage is not None
             self.note_damage(source)
         if seen == 0:
             raise FileError(self.damage or f"{_listing(self.paths)} has no points")
+
+    @property
+    def digests(self) -> list[str] | None:
+        """The number of points of each file and a checksum of them, once all have been read."""
+        digests = [witness.digest for witness in self.witnesses]
+        return [digest for digest in digests if digest is not None] if None not in digests else None
+
+    def expect(self, digests: object, origin: str) -> None:
+        """Have readings refuse other points than those of these digests: `origin` is of them."""
+        if isinstance(digests, list) and len(digests) == len(self.witnesses):
+            for witness, digest in zip(self.witnesses, digests, strict=True):
+                witness.expect(digest, origin)
+
+    def check_unchanged(self) -> None:
+        """Refuse files that have changed since they were opened, as far as the file system says so."""
+        for witness in self.witnesses:
+            witness.check()
 
     def note_damage(self, source: Source) -> None:
         """Add what `source` has to say about its damage, once it has been read."""

@@ -8,12 +8,14 @@ dense table.
 from __future__ import annotations
 
 import tempfile
+import weakref
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
+from .home import Home, remove_at_home
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -65,9 +67,11 @@ class LabelSpool:
 
     def __init__(self, folder: Path | str | None = None) -> None:
         try:
-            self._folder = tempfile.TemporaryDirectory(prefix="streamseg-labels-", dir=folder)
+            self._folder = Path(tempfile.mkdtemp(prefix="streamseg-labels-", dir=folder))
         except OSError as error:
             raise FileError(f"cannot make a temporary folder in {folder or tempfile.gettempdir()}: {error}") from error
+        self._home = Home("this label spool")
+        self._remove = weakref.finalize(self, remove_at_home, self._folder, self._home)
         self._waiting: list[NDArray[np.int64]] = []
         self._waiting_pairs = 0
         self._dense: tuple[int, NDArray[np.int64], NDArray[np.bool_]] | None = None
@@ -134,7 +138,7 @@ class LabelSpool:
         """Remove the temporary files. Closing again does nothing."""
         self._is_open = False
         self._waiting, self._waiting_pairs, self._dense = [], 0, None
-        self._folder.cleanup()
+        self._remove()
 
     def __enter__(self) -> LabelSpool:
         return self
@@ -181,9 +185,10 @@ class LabelSpool:
         return ids, reached
 
     def _path(self, bucket: int) -> Path:
-        return Path(self._folder.name) / f"{bucket:08d}.pairs"
+        return self._folder / f"{bucket:08d}.pairs"
 
     def _require_open(self) -> None:
+        self._home.check()
         if not self._is_open:
             raise StreamsegError("this label spool is closed; its temporary files are gone")
 
@@ -194,4 +199,15 @@ def _as_ids(name: str, values: ArrayLike) -> NDArray[np.int64]:
         raise InvalidInput(f"{name!r} has shape {array.shape}, expected (k,)")
     if array.dtype.kind not in "iu" and array.size:
         raise InvalidInput(f"{name!r} has dtype {array.dtype}, expected int64")
-    return array.astype(np.int64, copy=False)
+    if (ids := as_whole(array)) is None:
+        raise InvalidInput(f"{name!r} has {array.max()}, expected numbers below 2^63")
+    return ids
+
+
+def as_whole(values: NDArray[Any]) -> NDArray[np.int64] | None:
+    """Make numbers int64 as they are; none if one of them is not whole, or too large for that."""
+    if values.dtype.kind == "f" and not ((values == np.rint(values)) & (np.abs(values) < 2.0**63)).all():
+        return None
+    if values.dtype.kind == "u" and values.size and int(values.max()) > np.iinfo(np.int64).max:
+        return None
+    return values.astype(np.int64, copy=False)

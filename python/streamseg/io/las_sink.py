@@ -53,9 +53,12 @@ class RecordSink:
         """Yield the number of points and the records, per block."""
         self._cloud.damage = None
         for index, source in enumerate(self._sources):
-            for records in source.records(DEFAULT_CHUNK):
-                self._read += len(records)
-                yield len(records), (index, records.array)
+            with self._cloud.witnesses[index].reading() as reading:
+                for records in source.records(DEFAULT_CHUNK):
+                    self._read += len(records)
+                    reading.add(_steps(records))
+                    yield len(records), (index, records.array)
+                reading.is_damaged = source.damage is not None
             self._cloud.note_damage(source)
 
     def append(self, block: tuple[int, NDArray[np.void]], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:
@@ -69,7 +72,7 @@ class RecordSink:
             points.array[name] = records[name]
         shift = self._cloud.shifts[index]
         if not shift.is_identity:
-            steps = np.column_stack([records[axis] for axis in "XYZ"]).astype(np.float64)
+            steps = _steps(records)
             shift.apply(steps)
             _set_steps(points, steps, self._cloud.lattice, self._sources[index].path.name)
         points.array[SEGMENT_DIMENSION] = ids
@@ -177,6 +180,11 @@ def _writer(file: BinaryIO, header: Any, compressed: bool) -> Any:
     return laspy.LasWriter(
         file, header, do_compress=compressed, laz_backend=backend, closefd=False, encoding_errors="ignore"
     )
+
+
+def _steps(records: Any) -> NDArray[np.float64]:
+    """Give the whole numbers that the file has as coordinates, (n, 3)."""
+    return np.column_stack([records[axis] for axis in "XYZ"]).astype(np.float64)
 
 
 def _set_steps(points: Any, steps: NDArray[np.float64], lattice: Lattice, name: str) -> None:

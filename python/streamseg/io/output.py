@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from uuid import uuid4
 
 from ..errors import FileError, InvalidParameter, OutputExists
+from .home import Home, abandon
 from .text import SUFFIXES as TEXT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -66,12 +67,20 @@ def replacing(out: Path) -> Iterator[BinaryIO]:
     """
     part = out.with_name(f".streamseg-{uuid4().hex}.part")
     guard: _ErrorKeeper | None = None
+    home = Home(f"the writing of {out}")
     try:
         with open(part, "x+b") as file:
             guard = _ErrorKeeper(file)
-            yield cast("BinaryIO", guard)
+            try:
+                yield cast("BinaryIO", guard)
+            finally:
+                if not home.is_here:
+                    abandon(file)
+        home.check()
         part.replace(out)
     except BaseException as error:
+        if not home.is_here:
+            raise
         with suppress(OSError):
             part.unlink(missing_ok=True)
         # Encoders in Rust report a failed write without its cause; the file remembers it.

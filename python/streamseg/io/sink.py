@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import InvalidInput
 from .cloud import DEFAULT_CHUNK, Cloud
-from .labels import SEGMENT_DIMENSION, LabelSource
+from .home import Home
+from .labels import SEGMENT_DIMENSION, LabelSource, as_whole
 from .output import check_output, replacing
 from .text import SUFFIXES as TEXT_SUFFIXES
 from .text import TextSource
@@ -73,7 +74,8 @@ def write_labelled(
     Raises
     ------
     OutputExists, InvalidParameter, FileError
-        See `check_output`; also FileError when the disk is full.
+        See `check_output`; also FileError when the disk is full, or a file of the cloud has changed since
+        it was opened.
     InvalidInput
         The files cannot be written as one, or no point has been reached.
     """
@@ -81,6 +83,7 @@ def write_labelled(
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out.suffix.lower())
     done = written = 0
+    home = Home(f"the writing of {out}")
     with replacing(out) as file:
         sink.begin(file)
         for count, block in sink.blocks():
@@ -94,9 +97,11 @@ def write_labelled(
             done += count
             if progress is not None:
                 progress(done)
+                home.check()
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
         sink.finish()
+        cloud.check_unchanged()
     return written
 
 
@@ -143,10 +148,11 @@ def read_labels(
             raise InvalidInput(f"{path} has no column {name}; there are: {', '.join(cloud.dimensions)}")
         name = cloud.dimensions[-1]
     for points, attributes in cloud.chunks(chunk, (name,)):
-        ids = attributes[name]
-        if ids.dtype.kind == "f" and not (ids == np.rint(ids)).all():
-            raise InvalidInput(f"{path} has numbers in column {name} that are no segment ids: they are not whole")
-        yield cloud.lattice.to_coordinates(points), ids.astype(np.int64, copy=False)
+        if (ids := as_whole(attributes[name])) is None:
+            raise InvalidInput(
+                f"{path} has numbers in column {name} that are no segment ids: they are not whole, or beyond 64 bits"
+            )
+        yield cloud.lattice.to_coordinates(points), ids
 
 
 def _sink(cloud: Cloud, suffix: str) -> _Sink:

@@ -67,10 +67,9 @@ class TextSource:
             others = {name: np.ascontiguousarray(table[:, 3 + i]) for i, name in enumerate(attributes)}
             yield Chunk(points, others)
 
-    def lines(self, size: int) -> Iterator[list[str]]:
-        """Yield the lines that hold points, without their ends, in the same order as `chunks` yields points."""
-        for lines, _ in self._parsed(size, []):
-            yield lines
+    def lines(self, size: int) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
+        """Yield the lines that hold points, without their ends, and these points, in the order of `chunks`."""
+        yield from self._parsed(size, [])
 
     def _parsed(self, size: int, others: list[int]) -> Generator[tuple[list[str], NDArray[np.float64]], None, None]:
         self.damage = None

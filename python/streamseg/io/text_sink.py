@@ -61,8 +61,11 @@ class LineSink:
         """Yield the number of points and their lines, per block."""
         self._cloud.damage = None
         for index, source in enumerate(self._sources):
-            for lines in source.lines(_POINTS_AT_ONCE):
-                yield len(lines), (index, lines)
+            with self._cloud.witnesses[index].reading() as reading:
+                for lines, points in source.lines(_POINTS_AT_ONCE):
+                    reading.add(points)
+                    yield len(lines), (index, lines)
+                reading.is_damaged = source.damage is not None
             self._cloud.note_damage(source)
 
     def append(self, block: tuple[int, list[str]], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:

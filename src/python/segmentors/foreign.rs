@@ -1,16 +1,17 @@
 //! Segmentors that a user brought: any object with `fit_predict(X)`, or a function of the window.
 
-use numpy::{AllowTypeChange, PyArray1, PyArray2};
-use numpy::{IntoPyArray, PyArrayDescrMethods, PyArrayLike1, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 
+use super::labels::labels_of;
 use crate::error::{Error, Result};
-use crate::label::{Labels, NONE};
-use crate::python::arrays::{aligned, read_only, real_positions};
-use crate::python::errors::InvalidParameter;
+use crate::label::Labels;
+use crate::python::arrays::{read_only, real_positions};
+use crate::python::calls::call;
+use crate::python::errors::{InvalidParameter, SegmentorError};
 use crate::segmentor::{Exactness, Segmented, Segmentor};
 use crate::window::Window;
 
@@ -104,14 +105,25 @@ impl Segmentor for Foreign {
             return Ok(Labels::from_any(&[]).into());
         }
         Python::attach(|py| {
-            let answer = self.answer(py, window).map_err(|error| self.marked(py, error, window.index()))?;
-            Ok(self.labels(answer.bind(py), window.points().len())?.into())
+            let (name, index) = (&self.name, window.index());
+            let escaped = |what: &str| {
+                SegmentorError::new_err(format!(
+                    "segmentor '{name}' raised {what} in window {index}, which would have ended the run as if all points \
+                     had come"
+                ))
+            };
+            let labels = call(py, escaped, || {
+                let answer = self.answer(py, window)?;
+                labels_of(answer.bind(py), window.points().len())
+            });
+            let labels = labels.map_err(|exception| self.marked(py, exception, index))?;
+            Ok(labels.map_err(|problem| self.wrong(problem))?.into())
         })
     }
 }
 
 impl Foreign {
-    fn answer(&self, py: Python<'_>, window: &Window) -> Result<Py<PyAny>> {
+    fn answer(&self, py: Python<'_>, window: &Window) -> PyResult<Py<PyAny>> {
         let points = real_positions(py, window.points(), window.lattice())?;
         read_only(points.as_any())?;
         Ok(match &self.call {
@@ -131,41 +143,13 @@ impl Foreign {
         })
     }
 
-    fn labels(&self, answer: &Bound<'_, PyAny>, points: usize) -> Result<Labels> {
-        let array = answer
-            .py()
-            .import(intern!(answer.py(), "numpy"))?
-            .call_method1(intern!(answer.py(), "asarray"), (answer,))?;
-        let untyped = array.cast::<PyUntypedArray>().map_err(PyErr::from)?;
-        if untyped.shape() != [points] {
-            let shape = array.getattr("shape")?.repr()?.to_string();
-            return Err(
-                self.wrong(format!("returned labels of shape {shape}, expected ({points},): one label per point"))
-            );
-        }
-        if !matches!(untyped.dtype().kind(), b'i' | b'u' | b'b') {
-            let given = untyped.dtype().to_string();
-            return Err(self.wrong(format!("returned labels of type {given}, expected whole numbers; -1 = none")));
-        }
-        let labels: PyArrayLike1<'_, i64, AllowTypeChange> = array.extract()?;
-        let labels: Vec<i64> = aligned(&labels)?.as_array().iter().copied().collect();
-        if let Some(position) = labels.iter().position(|&label| label < NONE) {
-            let given = labels[position];
-            return Err(self.wrong(format!("returned the label {given}, allowed: 0 and above, or -1 = none")));
-        }
-        Ok(Labels::from_any(&labels))
-    }
-
     /// Writes onto an exception whose it is and in which window it was raised, for those who tell people.
-    fn marked(&self, py: Python<'_>, error: Error, window: u64) -> Error {
-        if let Error::Foreign(foreign) = &error
-            && let Some(exception) = foreign.downcast_ref::<PyErr>()
-            && !exception.is_instance_of::<PyKeyboardInterrupt>(py)
-        {
+    fn marked(&self, py: Python<'_>, exception: PyErr, window: u64) -> PyErr {
+        if !exception.is_instance_of::<PyKeyboardInterrupt>(py) {
             // Where the exception takes no attributes, it is told like any other.
             let _ = exception.value(py).setattr(intern!(py, "_streamseg_raised_in"), (&self.name, window));
         }
-        error
+        exception
     }
 
     fn wrong(&self, problem: String) -> Error {

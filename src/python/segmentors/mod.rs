@@ -4,6 +4,7 @@ mod base;
 mod conditional_clustering;
 mod dbscan;
 mod foreign;
+mod labels;
 mod plane_extraction;
 mod proximity;
 mod region_growing;

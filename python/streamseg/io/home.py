@@ -1,0 +1,52 @@
+"""Which process something belongs to: a forked one has a copy of it, and shares places in its files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from typing import TYPE_CHECKING, BinaryIO
+
+from ..errors import StreamInUse
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+class Home:
+    """The process that something was made in."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._process = os.getpid()
+
+    @property
+    def is_here(self) -> bool:
+        """Whether this is still that process."""
+        return os.getpid() == self._process
+
+    def check(self) -> None:
+        """Refuse to go on in another process.
+
+        Raises
+        ------
+        StreamInUse
+            This process was forked from that one.
+        """
+        if not self.is_here:
+            raise StreamInUse(
+                f"{self._what} belongs to process {self._process}; a forked process cannot go on with it, so start "
+                "anew there"
+            )
+
+
+def remove_at_home(folder: Path, home: Home) -> None:
+    """Remove a folder, unless it is another process's."""
+    if home.is_here:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def abandon(file: BinaryIO) -> None:
+    """Let what waits in the buffer of a file go nowhere: the other process will write it."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nowhere, file.fileno())
+    os.close(nowhere)
