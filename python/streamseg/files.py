@@ -62,6 +62,7 @@ def segment_file(
     preprocess: Stages = (),
     revisit: bool = False,
     overwrite: bool = False,
+    id_name: str | None = None,
     on_open: Callable[[int | None], None] | None = None,
     on_read: Callable[[int], None] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
@@ -81,6 +82,8 @@ def segment_file(
         Which ids are written.
     overwrite : bool, default False
         Replace an output and a history that are already there.
+    id_name : str, default "SegmentID"
+        What the dimension or column of ids is called; others are kept as they are.
     on_open, on_read, on_progress, on_write : functions, optional
         Called with the number of points that the input announces, the points read so far, the `Progress`, and the
         points written so far.
@@ -112,7 +115,7 @@ def segment_file(
     if history is not None:
         _check_apart(Path(history), output)
     cloud = open_cloud(paths)
-    check_kind(cloud, output)
+    check_kind(cloud, output, id_name)
     if on_open is not None:
         on_open(cloud.point_count)
     interrupt = _Interrupt()
@@ -151,7 +154,7 @@ def segment_file(
                 shutil.rmtree(str(history), ignore_errors=True)
             raise failure
         with interrupt.deferred():
-            points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+            points = write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_write)
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
@@ -262,6 +265,7 @@ def resolve_file(
     *,
     limits: bool = True,
     overwrite: bool = False,
+    id_name: str | None = None,
     on_write: Callable[[int], None] | None = None,
 ) -> int:
     """Write each point of the input with the final segment id that its history resolves to.
@@ -270,7 +274,7 @@ def resolve_file(
     ----------
     history : path
         Folder of the history of a run over the same input.
-    inputs, output, overwrite, on_write
+    inputs, output, overwrite, id_name, on_write
         As for `segment_file`.
     limits : bool, default True
         As for `History.resolve`.
@@ -299,11 +303,12 @@ def resolve_file(
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)
+    check_kind(cloud, output, id_name)
     _check_origin(past, cloud)
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
-        return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_write)
+        return write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_write)
 
 
 def _check_origin(past: History, cloud: Cloud) -> None:

@@ -27,10 +27,11 @@ _NPY_HEADER_BYTES = 128
 class LineSink:
     """Text in, text out: each line is kept and its segment id appended.
 
-    A file that was written this way before has its ids replaced: its header ends in ``SegmentID``.
+    A file that was written this way before has its ids replaced: its header ends in the name of the ids.
     """
 
-    def __init__(self, cloud: Cloud) -> None:
+    def __init__(self, cloud: Cloud, id_name: str = SEGMENT_DIMENSION) -> None:
+        self._id_name = id_name
         self._cloud = cloud
         self._sources = cast("tuple[TextSource, ...]", cloud.sources)
 
@@ -40,7 +41,7 @@ class LineSink:
         layout = self._sources[0].layout
         if layout.header is not None:
             kept = self._without_ids([layout.header], 0)[0].rstrip()
-            file.write(_encoded(f"{kept}{layout.joiner}{SEGMENT_DIMENSION}\n"))
+            file.write(_encoded(f"{kept}{layout.joiner}{self._id_name}\n"))
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and their lines, per block."""
@@ -65,7 +66,7 @@ class LineSink:
 
     def _without_ids(self, lines: list[str], index: int) -> list[str]:
         layout = self._sources[index].layout
-        if layout.names[-1] != SEGMENT_DIMENSION:
+        if layout.names[-1] != self._id_name:
             return lines
         return [line.rstrip().rsplit(layout.delimiter, 1)[0] for line in lines]
 
@@ -73,9 +74,9 @@ class LineSink:
 class CoordinateSink:
     """Anything in, text out: x y z and the segment id. A ``.csv`` has commas and a line of names."""
 
-    def __init__(self, cloud: Cloud, comma_separated: bool) -> None:
+    def __init__(self, cloud: Cloud, comma_separated: bool, id_name: str = SEGMENT_DIMENSION) -> None:
         self._cloud = cloud
-        self._header = f"x,y,z,{SEGMENT_DIMENSION}\n" if comma_separated else ""
+        self._header = f"x,y,z,{id_name}\n" if comma_separated else ""
         number = _number_format(cloud)
         self._line = ("," if comma_separated else " ").join((number, number, number, "%d")) + "\n"
 
