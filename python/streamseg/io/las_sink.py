@@ -28,6 +28,7 @@ _STEPS_OF_SMALL_CLOUDS = 1e6
 _MOST_OLD_POINTS = 2**32 - 1
 _FIRST_MINOR_FOR_MORE = 4
 _LAX_USER = "LAStools"
+_FORMATS_WITH_CHANNELS_AND_WAVEFORMS, _CHANNEL_BITS = (9, 10), 0b11_0000
 
 
 class RecordSink:
@@ -46,6 +47,9 @@ class RecordSink:
         if minor < _FIRST_MINOR_FOR_MORE and (cloud.point_count or 0) > _MOST_OLD_POINTS:
             raise InvalidInput(f"LAS 1.{minor} holds at most {_MOST_OLD_POINTS:,} points, got {cloud.point_count:,}")
         self._read = 0
+        if compressed:
+            for source in self._sources:
+                _require_one_channel(source)
 
     def begin(self, file: BinaryIO) -> None:
         """Write the header."""
@@ -177,6 +181,27 @@ def _measured(cloud: Cloud) -> tuple[Lattice, int]:
         )
     scale = float(f"1e{exponent}")
     return Lattice((scale, scale, scale), offset), count
+
+
+def _require_one_channel(source: LasSource) -> None:
+    """Refuse to compress waveforms of several scanner channels, which the encoder (lazrs 0.8) mixes up.
+
+    Raises
+    ------
+    InvalidInput
+        Not all points are of one channel.
+    """
+    number = source.header.point_format.id
+    if number not in _FORMATS_WITH_CHANNELS_AND_WAVEFORMS:
+        return
+    seen: set[int] = set()
+    for records in source.records(DEFAULT_CHUNK):
+        seen.update(np.unique(records.array["classification_flags"] & _CHANNEL_BITS).tolist())
+        if len(seen) > 1:
+            raise InvalidInput(
+                f"{source.path.name} is of point format {number} and has several scanner channels, whose waveforms "
+                "cannot be compressed without loss; write .las"
+            )
 
 
 def _set_steps(points: NDArray[np.void], steps: NDArray[np.float64], lattice: Lattice, name: str) -> None:
