@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 from streamseg.errors import InvalidInput, StreamsegWarning
 from streamseg.io import LabelSpool, check_kind, open_cloud, write_labelled
 
-FORMATS = [(0, 2), (1, 2), (2, 2), (3, 2), (4, 3), (5, 3), (0, 4), (3, 4), (5, 4), *((i, 4) for i in range(6, 11)), (6, 5)]
+FORMATS = [
+    (0, 2),
+    (1, 2),
+    (2, 2),
+    (3, 2),
+    (4, 3),
+    (5, 3),
+    (0, 4),
+    (3, 4),
+    (5, 4),
+    *((i, 4) for i in range(6, 11)),
+    (6, 5),
+]
 WAVEFORMS = {4, 5, 9, 10}
 ENCODING, SYSTEM, SOFTWARE, DATE = 6, 26, 58, 90
 OFFSET_TO_POINTS, LEGACY, BOX = 96, 107, 179
@@ -112,7 +124,9 @@ def write_odd(path: Path, point_format: int, minor: int, is_one_channel: bool = 
     if minor >= 4:
         evlrs.append(Record(b"\1\2", FULL_USER, 99, FULL_ABOUT, bytes(70_000)))
     if point_format in WAVEFORMS and minor >= 3 or minor >= 4:
-        evlrs.append(Record(b"\0\0", b"LASF_Spec".ljust(16, b"\0"), 65535, b"waves".ljust(32, b"\0"), bytes(range(200))))
+        evlrs.append(
+            Record(b"\0\0", b"LASF_Spec".ljust(16, b"\0"), 65535, b"waves".ljust(32, b"\0"), bytes(range(200)))
+        )
     for record in evlrs:
         if record.number == 65535:
             struct.pack_into("<Q", raw, 227, len(raw))
@@ -237,7 +251,7 @@ def test_waveforms_of_several_channels_are_not_compressed(tmp_path: Path, point_
     """The encoder mixes them up."""
     write_odd(tmp_path / "a.las", point_format, 4)
     cloud = open_cloud(tmp_path / "a.las")
-    with pytest.raises(InvalidInput, match=rf"point format {point_format} .* several scanner channels .* write \.las"):
+    with pytest.raises(InvalidInput, match=rf"point format {point_format} and has several scanner channels"):
         check_kind(cloud, tmp_path / "b.laz")
     with pytest.raises(InvalidInput, match="several scanner channels"):
         write_labelled(cloud, tmp_path / "b.laz", Labels())

@@ -123,7 +123,9 @@ def preview(
     check_preview(out_png, overwrite, [labelled])
     labelled, out_png = Path(labelled), Path(out_png)
     found = survey(labelled, id_name)
-    raster = fill_gaps(rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1, id_name=id_name))
+    raster = fill_gaps(
+        rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1, id_name=id_name)
+    )
     sizes = dict(zip(found.ids.tolist(), found.counts.tolist(), strict=True))
     none = sizes.pop(-1, 0)
     colors = color_segments(raster.ids, raster.height > -np.inf, sizes)

@@ -96,9 +96,7 @@ def preview(
 ) -> None:
     """Draw LABELLED from above, neighboring segments in different colors."""
     with wording.called(size="--size"):
-        drawn = draw_preview(
-            labelled, output, shade=shade.value, size=size, overwrite=overwrite, id_name=id_name
-        )
+        drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite, id_name=id_name)
     typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
 
 

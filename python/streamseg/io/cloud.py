@@ -149,8 +149,7 @@ class Cloud:
                 )
 
     def _warn_of_odd_company(self) -> None:
-        """Warn of files that are given twice, and of those whose coordinate systems differ."""
-        first = self.sources[0]
+        """Warn of files that are given twice, and of those whose coordinates or times mean something else."""
         seen: set[Path] = set()
         for source in self.sources:
             if source.path.resolve() in seen:
@@ -173,9 +172,7 @@ class Cloud:
                 return
         if known and silent:
             others = f" and {len(silent) - 1:,} more" if len(silent) > 1 else ""
-            warn(
-                f"{silent[0]}{others} names no coordinate system; that of {known[0][0]} is taken for all, and written"
-            )
+            warn(f"{silent[0]}{others} names no coordinate system; that of {known[0][0]} is taken for all, and written")
 
     def _warn_of_clocks(self) -> None:
         """Warn of files that count time from different days."""
@@ -183,7 +180,9 @@ class Cloud:
         for source in self.sources[1:]:
             other = getattr(source, "clock", None)
             if clock and other and clock != other:
-                warn(f"gps_time of {first.path} is {clock}, that of {source.path} is {other}; they are taken as they are")
+                warn(
+                    f"gps_time of {first.path} is {clock}, that of {source.path} is {other}; they are taken as they are"
+                )
                 return
 
 

@@ -94,8 +94,8 @@ def caution(system: CoordinateSystem | None, box: Sequence[tuple[float, float]] 
     """
     if system is not None and system.is_geographic and (box is None or _is_on_earth(box)):
         return (
-            f"the coordinates are longitude and latitude in {system.unit or DEGREES} ({system.name}), and distances are "
-            "taken in that unit; reproject the cloud to a projected system first"
+            f"the coordinates are longitude and latitude in {system.unit or DEGREES} ({system.name}), and "
+            "distances are taken in that unit; reproject the cloud to a projected system first"
         )
     if system is None and looks_so:
         return (

@@ -19,11 +19,15 @@ _IN_NO_TEXT = " \t\r\n,;\"'#"
 
 # Names that dimensions of some point format have, without what does not matter in them.
 STANDARD_NAMES = frozenset(
-    "x y z intensity bitfields returnnumber numberofreturns scandirectionflag edgeofflightline rawclassification "
-    "classification classificationflags synthetic keypoint withheld overlap scannerchannel scananglerank scanangle "
-    "userdata pointsourceid gpstime red green blue nir wavepacketindex wavepacketoffset wavepacketsize "
-    "returnpointwavelocation xt yt zt".split()
-)
+    {
+        "bitfields", "blue", "classification", "classificationflags", "edgeofflightline",
+        "gpstime", "green", "intensity", "keypoint", "nir", "numberofreturns", "overlap",
+        "pointsourceid", "rawclassification", "red", "returnnumber", "returnpointwavelocation",
+        "scanangle", "scananglerank", "scandirectionflag", "scannerchannel", "synthetic",
+        "userdata", "wavepacketindex", "wavepacketoffset", "wavepacketsize", "withheld", "x",
+        "xt", "y", "yt", "z", "zt",
+    }
+)  # fmt: skip
 
 _MOST_SMALL_IDS = 2**31
 
@@ -45,7 +49,9 @@ def checked_id_name(name: str | None, out: Path) -> str:
     elif suffix == ".npy":
         raise InvalidParameter(f"id_name is {name!r}, allowed: for LAS, LAZ and text; {out.name} holds the ids alone")
     elif not _is_short_and_plain(name):
-        raise InvalidParameter(f"id_name is {name!r}, allowed for LAS: 1 to {_LONGEST_NAME} ASCII letters, digits, marks")
+        raise InvalidParameter(
+            f"id_name is {name!r}, allowed for LAS: 1 to {_LONGEST_NAME} ASCII letters, digits, marks"
+        )
     if name.replace("_", "").replace(" ", "").lower() in STANDARD_NAMES:
         raise InvalidParameter(f"id_name is {name!r}, allowed: a name that no dimension of LAS points has")
     return name

@@ -136,7 +136,7 @@ class LasSource:
     @property
     def _has_waveforms(self) -> bool:
         """Whether the file says where in it waveforms are."""
-        return self.header.version.minor >= 3 and self.header.start_of_waveform_data_packet_record > 0
+        return bool(self.header.version.minor >= 3 and self.header.start_of_waveform_data_packet_record > 0)
 
     def _sound_part(self, file: BinaryIO) -> tuple[laz.Sound, str]:
         """Say how many points can be tried, and why not more."""

@@ -101,7 +101,7 @@ class Dimensions:
             return dimension.values(records.array, number)
         if name in _SCAN_ANGLE_NAMES:
             if self._has_steps:
-                return records.array["scan_angle"] * 6.0 / _STEPS_PER_6_DEGREES
+                return np.asarray(records.array["scan_angle"] * 6.0 / _STEPS_PER_6_DEGREES)
             return np.ascontiguousarray(records.array["scan_angle_rank"])
         return np.ascontiguousarray(records[name])
 

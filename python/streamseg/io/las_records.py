@@ -102,7 +102,9 @@ def _distinct(names: list[str], taken: Collection[str], path: Path) -> list[str]
             chosen = _shortened(f"extra_{name}" if number == 1 else f"extra_{number}_{name}")
             number += 1
         if chosen != name:
-            warn(f"{path.name} has two dimensions called {name!r}; the later one, an extra dimension, is {chosen!r} here")
+            warn(
+                f"{path.name} has two dimensions called {name!r}; the later one, an extra dimension, is {chosen!r} here"
+            )
         distinct.append(chosen)
     return distinct
 

@@ -105,7 +105,9 @@ class RecordSink:
             return
         if encoding.waveform_data_packets_external:
             name = source.path.with_suffix(".wdp").name
-            warn(f"the waveforms of {source.path.name} are in {name}, which is not copied; give it the output's name too")
+            warn(
+                f"the waveforms of {source.path.name} are in {name}, which is not copied; give it the output's name too"
+            )
         elif encoding.waveform_data_packets_internal and all(record.key != WAVEFORMS for record in kept):
             warn(f"{source.path.name} says that it holds waveforms, and has none that can be read; none are written")
 

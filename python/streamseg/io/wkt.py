@@ -86,8 +86,8 @@ def parsed(text: str) -> Node | None:
         if quoted is not None or number is not None:
             stack[-1].parts.append(quoted.replace('""', '"') if quoted is not None else number)
         keyword = word if word is not None else "" if mark is not None else keyword
-    node = top.parts[0] if len(stack) == 1 and len(top.parts) == 1 else None
-    return node if isinstance(node, Node) else None
+    root = top.parts[0] if len(stack) == 1 and len(top.parts) == 1 else None
+    return root if isinstance(root, Node) else None
 
 
 def _systems(node: Node) -> Iterator[Node]:
