@@ -38,6 +38,16 @@ pub enum Error {
         /// Those there are.
         available: String,
     },
+    /// Two attributes of the cloud are equally like the name that something needs.
+    #[error("'{name}' can be '{first}' or '{second}', which the cloud both has; write the name exactly as it is there")]
+    AmbiguousAttribute {
+        /// The attribute asked for.
+        name: String,
+        /// One that it can be.
+        first: String,
+        /// Another.
+        second: String,
+    },
     /// A feature would have to be computed, but nothing says from which neighbors.
     #[error(
         "{name} is no attribute of the cloud, and {segmentor} has no neighborhood to compute it from; give the cloud with that attribute, or use a segmentor with search_radius or k"

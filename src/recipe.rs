@@ -10,7 +10,7 @@
 
 use std::sync::Arc;
 
-use crate::attribute::is_same_name;
+use crate::attribute::{Likeness, is_same_name, likeness, meant};
 use crate::error::{Error, Result};
 use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
@@ -91,10 +91,13 @@ impl Recipe {
             }
             needed.extend(filter.attributes().map(ToString::to_string));
         }
-        let reads_normal = has_normal(&needed, available);
+        let normal = normal_columns(&needed, available);
         for name in needed {
-            let is_half = !reads_normal && NORMAL.iter().any(|part| is_same_name(part, &name));
-            recipe.provide(&name, if is_half { &[] } else { available }, has_more && !is_half)?;
+            if NORMAL.iter().any(|part| is_same_name(part, &name)) {
+                recipe.provide(&name, &normal, false)?;
+            } else {
+                recipe.provide(&name, available, has_more)?;
+            }
         }
         Ok(recipe)
     }
@@ -111,16 +114,22 @@ impl Recipe {
         }
     }
 
+    /// The features that are computed because the cloud does not have them.
+    pub fn computes(&self) -> &[Feature] {
+        &self.features
+    }
+
     /// Decides where an attribute comes from. Coordinates are those of the points, whatever a file calls its whole
     /// numbers; for all else the cloud comes first, so that what was measured or computed with more care is used.
     fn provide(&mut self, name: &str, available: &[String], has_more: bool) -> Result<()> {
-        if let Some(axis) = COORDINATES.iter().position(|axis| is_same_name(axis, name)) {
+        let column = meant(name, available.iter().map(String::as_str))?;
+        if let Some(axis) = axis_of(column.unwrap_or(name), available) {
             if !self.coordinates.contains(&axis) {
                 self.coordinates.push(axis);
             }
-        } else if let Some(column) = available.iter().find(|column| is_same_name(column, name)) {
-            if !self.reads.contains(column) {
-                self.reads.push(column.clone());
+        } else if let Some(column) = column {
+            if !self.reads.iter().any(|read| read == column) {
+                self.reads.push(column.to_string());
             }
         } else if let Some(feature) = Feature::by_name(name) {
             if self.search.is_none() {
@@ -246,19 +255,43 @@ impl Recipe {
     }
 }
 
-/// Whether the cloud has all parts of the normal that are needed: parts of two normals are none.
-fn has_normal(needed: &[String], available: &[String]) -> bool {
-    let has = |name: &str, names: &[String]| names.iter().any(|other| is_same_name(other, name));
-    NORMAL.iter().all(|part| !has(part, needed) || has(part, available))
+/// The axis that a name or column stands for. Where a file has coordinates under their own names, others that differ
+/// from them in case are something else.
+fn axis_of(name: &str, available: &[String]) -> Option<usize> {
+    let axis = COORDINATES.iter().position(|axis| is_same_name(axis, name))?;
+    let is_other = name != COORDINATES[axis] && [name, COORDINATES[axis]].iter().all(|one| has(one, available));
+    (!is_other).then_some(axis)
+}
+
+fn has(name: &str, available: &[String]) -> bool {
+    available.iter().any(|column| column == name)
+}
+
+/// The columns that parts of the normal are read from: those of a spelling, long or short, in which the cloud has all
+/// parts that are needed. Parts of two normals are none.
+fn normal_columns(needed: &[String], available: &[String]) -> Vec<String> {
+    let family = |is_short: bool| {
+        available.iter().filter(move |column| {
+            let alike = NORMAL.iter().find_map(|part| likeness(part, column));
+            alike.is_some_and(|likeness| (likeness == Likeness::Synonym) == is_short)
+        })
+    };
+    let is_whole = |is_short: bool| {
+        NORMAL.iter().all(|part| {
+            let is_needed = needed.iter().any(|name| is_same_name(part, name));
+            !is_needed || family(is_short).any(|column| is_same_name(part, column))
+        })
+    };
+    [false, true].into_iter().filter(|&is_short| is_whole(is_short)).flat_map(family).cloned().collect()
 }
 
 /// The coordinates, the attributes of the cloud, and the features, if there is a neighborhood to compute them from.
 fn known_to_all(available: &[String], has_neighborhood: bool) -> Vec<String> {
     let mut known: Vec<String> = COORDINATES.map(str::to_string).to_vec();
-    let features = Feature::ALL.iter().filter(|_| has_neighborhood).map(|feature| feature.name());
-    for name in available.iter().map(String::as_str).chain(features) {
-        if !known.iter().any(|other| is_same_name(other, name)) {
-            known.push(name.to_string());
+    known.extend(available.iter().filter(|column| axis_of(column, available).is_none()).cloned());
+    for feature in Feature::ALL.iter().filter(|_| has_neighborhood).map(|feature| feature.name()) {
+        if !known.iter().any(|other| is_same_name(other, feature)) {
+            known.push(feature.to_string());
         }
     }
     known

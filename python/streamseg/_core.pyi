@@ -47,6 +47,7 @@ __all__ = [
     "_plan",
     "_stub",
     "default_spans",
+    "meant_attribute",
 ]
 
 __version__: str
@@ -208,11 +209,15 @@ class RegionGrowing(Segmentor):
     @property
     def smooth(self) -> bool: ...
 
+def meant_attribute(name: str, names: list[str]) -> str | None: ...
+
 @final
 class Recipe:
     def __new__(cls, segmentor: Any, stages: Sequence[Any], available: list[str], has_more: bool) -> Recipe: ...
     @property
     def reads(self) -> list[str]: ...
+    @property
+    def computes(self) -> list[str]: ...
     def coming_back(
         self, spans: Any, window: Window, *, stored: bool, lattice: _LatticeOf | None
     ) -> Literal["nothing", "bring back", "wait"]: ...

@@ -73,6 +73,8 @@ def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
     yield "points", f"{points:,}"
     if cloud.damage:
         yield "damage", cloud.damage
+    if cloud.caution:
+        yield "caution", cloud.caution
     if invalid:
         yield "invalid", f"{invalid:,} points have no finite coordinates; --drop-invalid gives them no segment"
     if not cloud.lattice.is_identity:

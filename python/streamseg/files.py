@@ -63,6 +63,7 @@ def segment_file(
     preprocess: Stages = (),
     revisit: bool = False,
     overwrite: bool = False,
+    id_name: str | None = None,
     on_open: Callable[[int | None], None] | None = None,
     on_read: Callable[[int], None] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
@@ -82,6 +83,8 @@ def segment_file(
         Which ids are written.
     overwrite : bool, default False
         Replace an output and a history that are already there.
+    id_name : str, default "SegmentID"
+        What the dimension or column of ids is called; others are kept as they are.
     on_open, on_read, on_progress, on_write : functions, optional
         Called with the number of points that the input announces, the points read so far, the `Progress`, and the
         points written so far.
@@ -114,7 +117,7 @@ def segment_file(
     if history is not None:
         _check_apart(Path(history), output)
     cloud = open_cloud(paths)
-    check_kind(cloud, output)
+    check_kind(cloud, output, id_name)
     callback("on_open", on_open)(cloud.point_count)
     interrupt = _Interrupt()
     source = open_source(cloud)
@@ -153,7 +156,7 @@ def segment_file(
             raise failure
         with interrupt.deferred():
             on_written = callback("on_write", on_write)
-            points = write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_written)
+            points = write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_written)
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
@@ -263,6 +266,7 @@ def resolve_file(
     *,
     limits: bool = True,
     overwrite: bool = False,
+    id_name: str | None = None,
     on_write: Callable[[int], None] | None = None,
 ) -> int:
     """Write each point of the input with the final segment id that its history resolves to.
@@ -271,7 +275,7 @@ def resolve_file(
     ----------
     history : path
         Folder of the history of a run over the same input.
-    inputs, output, overwrite, on_write
+    inputs, output, overwrite, id_name, on_write
         As for `segment_file`.
     limits : bool, default True
         As for `History.resolve`.
@@ -301,13 +305,14 @@ def resolve_file(
     check_output(output, paths, overwrite)
     past = History(history)
     cloud = open_cloud(paths)
+    check_kind(cloud, output, id_name)
     _check_origin(past, cloud)
     cloud.expect(past.manifest.get("digests"), f"the history {past.folder}")
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
         on_written = callback("on_write", on_write)
-        return write_labelled(cloud, output, labels, overwrite=overwrite, progress=on_written)
+        return write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_written)
 
 
 def _check_origin(past: History, cloud: Cloud) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
 from ._core import Plan, Recipe, _plan
-from .errors import InvalidParameter
+from .errors import InvalidParameter, warn
 from .preprocessing import Stage, prepare
 from .source import Attributes, Source, as_stored, open_source
 
@@ -14,6 +15,10 @@ Stages = Stage | Sequence[Stage]
 
 MaxMemory = int | str
 """A number of bytes, or a text with a unit such as "512MB"."""
+
+
+_NORMAL = ("NormalX", "NormalY", "NormalZ")
+_LIKE_A_NORMAL = re.compile(r"n(or|orm|ormals?)?[^a-z0-9]*[xyz]\W*|normals?\W*[012]?\W*", re.IGNORECASE)
 
 
 def plan(
@@ -74,7 +79,20 @@ def plan(
 def recipe_for(segmentor: Any, stages: Stages, source: Source, drop_invalid: bool) -> Recipe:
     """Prepare all that is done to a window; measures the cloud where a stage needs it."""
     ready = prepare(stages, source, drop_invalid=drop_invalid) if stages else []
-    return Recipe(segmentor, ready, list(source.attributes), source.has_more)
+    recipe = Recipe(segmentor, ready, list(source.attributes), source.has_more)
+    _warn_of_normals(recipe, source)
+    return recipe
+
+
+def _warn_of_normals(recipe: Recipe, source: Source) -> None:
+    """Warn if normals are computed although the cloud has something that looks like them."""
+    computed = [name for name in recipe.computes if name in _NORMAL]
+    alike = [name for name in source.attributes if _LIKE_A_NORMAL.fullmatch(name)]
+    if computed and alike:
+        warn(
+            f"{', '.join(computed)} are computed, though the cloud has {', '.join(alike)}: its normals are used where "
+            "it has all of NormalX, NormalY and NormalZ, or of nx, ny and nz"
+        )
 
 
 def planned(

@@ -83,6 +83,7 @@ def preview(
     shade: Literal["segment", "height"] | None = "segment",
     size: int = 1600,
     overwrite: bool = False,
+    id_name: str | None = None,
 ) -> Preview:
     """Draw a labelled file from above as PNG, in bounded memory.
 
@@ -101,6 +102,8 @@ def preview(
         Longest side of the drawing in pixels, at least 200; title and legend come on top.
     overwrite : bool
         Whether `out_png` may replace a file that is there.
+    id_name : str, default "SegmentID"
+        What the dimension or column of ids is called.
 
     Raises
     ------
@@ -119,8 +122,10 @@ def preview(
         raise InvalidParameter(f"shade is {shade!r}, must be 'segment', 'height' or None")
     check_preview(out_png, overwrite, [labelled])
     labelled, out_png = Path(labelled), Path(out_png)
-    found = survey(labelled)
-    raster = fill_gaps(rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1))
+    found = survey(labelled, id_name)
+    raster = fill_gaps(
+        rasterize(labelled, found.low, found.high, size, panels=2 if shade == "height" else 1, id_name=id_name)
+    )
     sizes = dict(zip(found.ids.tolist(), found.counts.tolist(), strict=True))
     none = sizes.pop(-1, 0)
     colors = color_segments(raster.ids, raster.height > -np.inf, sizes)

@@ -145,7 +145,11 @@ def stream(
             **{option: getattr(core, option) for option in SIZE_OPTIONS},
         }
         writer = HistoryWriter(
-            Path(history), source=opened.name, parameters=parameters, promise=core.promise, overwrite=overwrite
+            Path(history),
+            source=opened.name,
+            parameters=parameters,
+            promise=opened.with_caution(core.promise),
+            overwrite=overwrite,
         )
     return Stream(opened, core, result, writer, with_points)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth
+from ._core import Plan, SpanByScanLine, SpanByTime, SpanByWidth, meant_attribute
 from .errors import InvalidInput, warn
 from .io import Cloud, open_cloud
 
@@ -46,6 +46,7 @@ class Source(NamedTuple):
     digests : tells, once all has been read, how many points each file has, with a checksum; None if unknown
     extent_x : how far the points reach along x, if known without reading them
     can_be_stored : whether it has an end, so that spans by width may be laid out before the first is given
+    caution : one sentence, if distances between the points are not what they seem
     """
 
     chunks: Callable[[Sequence[str]], Iterator[CoreChunk]]
@@ -60,11 +61,16 @@ class Source(NamedTuple):
     digests: Callable[[], list[str] | None] = lambda: None
     extent_x: float | None = None
     can_be_stored: bool = False
+    caution: str | None = None
 
     @property
     def lattice(self) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
         """Scale and offset; None for real coordinates."""
         return None if self.scale is None or self.offset is None else (self.scale, self.offset)
+
+    def with_caution(self, promise: str) -> str:
+        """Say beside a promise what its distances are."""
+        return f"{promise}; but {self.caution}" if self.caution else promise
 
 
 def open_source(source: Any, attributes: Attributes | None = None) -> Source:
@@ -160,6 +166,8 @@ def _of_cloud(cloud: Cloud) -> Source:
             yield chunk.points, tuple(chunk.attributes[name] for name in names)
 
     lattice = None if cloud.lattice.is_identity else cloud.lattice
+    if cloud.caution:
+        warn(cloud.caution)
     return Source(
         chunks,
         stored=True,
@@ -171,6 +179,7 @@ def _of_cloud(cloud: Cloud) -> Source:
         name=", ".join(str(path) for path in cloud.paths),
         digests=lambda: cloud.digests,
         extent_x=cloud.extent_x,
+        caution=cloud.caution,
     )
 
 
@@ -224,16 +233,16 @@ def _column(name: str, values: ArrayLike, count: int) -> NDArray[Any]:
 
 
 def _found(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """Look a name up, whatever its case and underscores."""
-    for other, column in columns.items():
-        if _letters(other) == _letters(name):
-            return column
+    """Look a name up: the column whose name is the most like it."""
+    found = meant_attribute(name, [other for other in columns if isinstance(other, str)])
+    if found is not None:
+        return columns[found]
     given = ", ".join(columns) or "none"
     raise InvalidInput(f"the attribute {name!r} is needed (attributes={{{name!r}: …}}), given: {given}")
 
 
 def _twins(names: Iterable[str]) -> list[str]:
-    """Names that are the same whatever their case and underscores; none if all differ."""
+    """Names that are the same whatever their case, underscores and blanks; none if all differ."""
     by_letters: dict[str, list[str]] = {}
     for name in names:
         by_letters.setdefault(_letters(name), []).append(name)
@@ -241,7 +250,7 @@ def _twins(names: Iterable[str]) -> list[str]:
 
 
 def _letters(name: str) -> str:
-    return name.replace("_", "").lower()
+    return name.replace("_", "").replace(" ", "").lower()
 
 
 def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:

@@ -100,7 +100,9 @@ class Stream:
     is_in_stream_order : bool
         Whether spans are cut in the order of the stream, so that none holds all points of its part of the map.
     promise : str
-        One sentence on how the result relates to the static one.
+        One sentence on how the result relates to the static one, with the caution if there is one.
+    caution : str or None
+        One sentence, if distances between the points are not what they seem: coordinates in degrees, mixed units.
     warning : str or None
         One sentence, if the spans break the segmentor's condition.
     """
@@ -131,7 +133,8 @@ class Stream:
         self.exactness = core.exactness
         self.is_identical = core.is_identical
         self.is_in_stream_order = core.is_in_stream_order
-        self.promise = core.promise
+        self.caution = source.caution
+        self.promise = source.with_caution(core.promise)
         self.warning = core.warning
 
     def __iter__(self) -> Iterator[Span]:

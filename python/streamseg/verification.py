@@ -67,6 +67,8 @@ class Verification:
     """What it said of itself beforehand."""
     damage: str | None
     """What could not be read, if the source is damaged; the points before it were compared."""
+    caution: str | None = None
+    """Why distances between the points are not what they seem, such as coordinates in degrees."""
 
     def __str__(self) -> str:
         return "\n".join(self._lines())
@@ -86,6 +88,8 @@ class Verification:
         yield f"certificate: {self.certificate}{'; equal to the static result, proven' if self.is_proven else ''}"
         if self.is_identical and not self.is_proven:
             yield f"promise: {self.promise}"
+        elif self.caution:
+            yield f"but {self.caution}"
 
     def _table(self) -> Iterator[str]:
         yield f"{'first point':>14} {'x':>14} {'y':>14} {'z':>10} {'static':>10} {'streamed':>10} {'points':>10}"
@@ -191,6 +195,7 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
         is_proven=run.is_proven,
         promise=run.promise,
         damage=source.damage(),
+        caution=source.caution,
     )
 
 

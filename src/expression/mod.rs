@@ -31,7 +31,7 @@ mod symmetry;
 mod syntax;
 mod tree;
 
-use crate::attribute::is_same_name;
+use crate::attribute::meant;
 use crate::error::Result;
 pub use symmetry::Symmetry;
 
@@ -79,16 +79,27 @@ impl Expression {
     }
 
     fn check(&self, available: &[impl AsRef<str>]) -> Result<()> {
-        let known = available.iter().map(AsRef::as_ref);
-        let is_missing = |name: &str| !known.clone().any(|known| is_same_name(known, name));
-        match self.tree.attributes.iter().find(|attribute| is_missing(&attribute.name)) {
-            None => Ok(()),
-            Some(attribute) => {
-                let name = &attribute.name;
-                let problem = format!("there is no attribute '{name}'{}", suggestion(name, known));
-                Err(mistake(self.kind, &self.text, attribute.at, problem))
+        for attribute in &self.tree.attributes {
+            let name = self.meant(&attribute.name, attribute.at, available)?;
+            if let Some((other, at)) = &attribute.respelled
+                && self.meant(other, *at, available)? != name
+            {
+                let problem = format!("'{other}' and '{}' are different attributes; use one of them", attribute.name);
+                return Err(mistake(self.kind, &self.text, *at, problem));
             }
         }
+        Ok(())
+    }
+
+    /// The attribute that is meant by a name in the text.
+    fn meant<'a>(&self, name: &str, at: usize, available: &'a [impl AsRef<str>]) -> Result<&'a str> {
+        let known = available.iter().map(AsRef::as_ref);
+        let problem = match meant(name, known.clone()) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => format!("there is no attribute '{name}'{}", suggestion(name, known)),
+            Err(ambiguous) => ambiguous.to_string(),
+        };
+        Err(mistake(self.kind, &self.text, at, problem))
     }
 
     fn bind<'a>(&self, columns: impl Fn(&str) -> Option<&'a [f64]>) -> Result<Program<'a>> {

@@ -49,6 +49,8 @@ pub(super) struct Attribute {
     pub name: String,
     /// The byte of the text where that is.
     pub at: usize,
+    /// Another spelling that the text has of it, in other case, and where that is.
+    pub respelled: Option<(String, usize)>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -62,10 +64,15 @@ pub(super) struct Tree {
 impl Tree {
     /// The position of an attribute, which is noted if it is new. The case of letters does not matter.
     pub(super) fn attribute(&mut self, name: &str, at: usize) -> usize {
-        self.find(name).unwrap_or_else(|| {
-            self.attributes.push(Attribute { name: name.to_owned(), at });
-            self.attributes.len() - 1
-        })
+        let Some(position) = self.find(name) else {
+            self.attributes.push(Attribute { name: name.to_owned(), at, respelled: None });
+            return self.attributes.len() - 1;
+        };
+        let known = &mut self.attributes[position];
+        if known.name != name && known.respelled.is_none() {
+            known.respelled = Some((name.to_owned(), at));
+        }
+        position
     }
 
     pub(super) fn find(&self, name: &str) -> Option<usize> {

@@ -27,6 +27,7 @@ impl From<Error> for PyErr {
             | Error::Changed { .. }
             | Error::Attribute { .. }
             | Error::UnknownAttribute { .. }
+            | Error::AmbiguousAttribute { .. }
             | Error::DamagedHistory { .. } => InvalidInput::new_err(message),
             Error::Labels { .. } => SegmentorError::new_err(message),
             Error::Spool { .. } => FileError::new_err(message),

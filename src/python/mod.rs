@@ -51,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use super::segmentors::{PyConditionalClustering, PyDbscan, PyPlaneExtraction, PyProximity, PyRegionGrowing};
     #[pymodule_export]
-    use super::segmentors::{PyRecipe, PySegmentor, PyWindow};
+    use super::segmentors::{PyRecipe, PySegmentor, PyWindow, meant_attribute};
     #[pymodule_export]
     use super::spans::default_spans;
     #[pymodule_export]

@@ -19,7 +19,7 @@ from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from . import interrupt, methods, voice, wording
-from .arguments import INTERNAL, MOST, WRONG, Inputs, InToOut, Output, Overwrite
+from .arguments import INTERNAL, MOST, WRONG, IdName, Inputs, InToOut, Output, Overwrite
 from .plan import explained
 from .segment import segment
 from .verify import verify
@@ -53,10 +53,13 @@ def resolve(
         bool, typer.Option("--limits/--no-limits", help="Leave out the segments that the run left out by their size.")
     ] = True,
     overwrite: Overwrite = False,
+    id_name: IdName = None,
 ) -> None:
     """Write IN to OUT with the final segment ids that HISTORY resolves to."""
     with ProgressBars() as bars:
-        points = resolve_file(history, inputs, output, limits=limits, overwrite=overwrite, on_write=bars.on_write)
+        points = resolve_file(
+            history, inputs, output, limits=limits, overwrite=overwrite, id_name=id_name, on_write=bars.on_write
+        )
     typer.echo(f"{output}: {points:,} points with final segment ids")
     if not History(history).manifest["complete"]:
         raise typer.Exit(WRONG)
@@ -89,10 +92,11 @@ def preview(
     ] = Shade.segment,
     size: Annotated[int, typer.Option(help="Longest side of the drawing in pixels.")] = 1600,
     overwrite: Overwrite = False,
+    id_name: IdName = None,
 ) -> None:
     """Draw LABELLED from above, neighboring segments in different colors."""
     with wording.called(size="--size"):
-        drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite)
+        drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite, id_name=id_name)
     typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
 
 

@@ -16,7 +16,7 @@ from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from . import methods
-from .arguments import MOST, WRONG, Inputs, Output, Overwrite, say
+from .arguments import MOST, WRONG, IdName, Inputs, Output, Overwrite, say
 from .choice import chosen
 
 
@@ -133,6 +133,7 @@ def segment(
         bool, typer.Option("--drop-invalid", help="Give NaN and infinite points no segment instead of refusing them.")
     ] = False,
     overwrite: Overwrite = False,
+    id_name: IdName = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress bar, no summary.")] = False,
 ) -> None:
     """Segment IN and write every point with its segment id to OUT."""
@@ -151,6 +152,7 @@ def segment(
             history=history,
             result=result.value,
             overwrite=overwrite,
+            id_name=id_name,
             on_read=bars.on_read,
             on_progress=bars.on_progress,
             on_write=bars.on_write,
@@ -159,7 +161,7 @@ def segment(
     if not quiet:
         _summarize(outcome, choice["segmentor"], output, history, result)
     if preview is not None:
-        draw_preview(output, preview, overwrite=overwrite)
+        draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
         say(f"picture in {preview}", quiet)
     if outcome.damage is not None:
         raise typer.Exit(WRONG)

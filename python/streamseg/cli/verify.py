@@ -14,7 +14,7 @@ from .arguments import DIFFERENT, WRONG, Inputs, say
 from .choice import chosen
 from .segment import segment
 
-_OF_OUTPUT = {"output", "result", "history", "preview", "overwrite"}
+_OF_OUTPUT = {"output", "result", "history", "preview", "overwrite", "id_name"}
 
 
 def verify(inputs: Inputs, **options: Any) -> None:

@@ -6,8 +6,10 @@ import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning, warn
+from .coordinate_system import CoordinateSystem, caution
 from .lattice import Lattice, common_lattice
 from .unchanged import Witness
+from .units import ABBREVIATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterator, Sequence
@@ -63,8 +65,12 @@ class Cloud:
         Names that every file has; any of them can be asked for as an attribute.
     extent_x : float or None
         How far the points reach along x, where the files' headers say it.
+    coordinate_system : CoordinateSystem or None
+        That of the first file that says something of it.
     unit : str or None
-        Unit of the horizontal coordinates, "m" or "ft", where the first file says it.
+        Unit of the horizontal coordinates in short, such as "m", "ft" or "°", where it is known.
+    caution : str or None
+        One sentence, if distances between the points are not what they seem: coordinates in degrees, mixed units.
     damage : str or None
         After an iteration: one sentence that says which points could not be read.
     """
@@ -85,7 +91,10 @@ class Cloud:
             name for name in self.sources[0].dimensions if all(name in other.dimensions for other in self.sources[1:])
         )
         self.extent_x = _extent_along_x(self.sources)
-        self.unit: str | None = getattr(self.sources[0], "unit", None)
+        self.coordinate_system = _coordinate_system(self.sources)
+        unit = self.coordinate_system and self.coordinate_system.unit
+        self.unit = ABBREVIATIONS.get(unit, unit) if unit else None
+        self.caution = _caution(self.coordinate_system, self.sources)
         self.damage: str | None = None
 
     def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Iterator[Chunk]:
@@ -164,20 +173,39 @@ class Cloud:
                 )
 
     def _warn_of_odd_company(self) -> None:
-        """Warn of files that are given twice, and of those whose coordinate systems differ."""
-        first = self.sources[0]
+        """Warn of files that are given twice, and of those whose coordinates or times mean something else."""
         seen: set[Path] = set()
         for source in self.sources:
             if source.path.resolve() in seen:
                 warn(f"{source.path} is given more than once: its points come as often, all at the same places")
             seen.add(source.path.resolve())
-        said: dict[str, object] = getattr(first, "coordinate_system", {})
-        for source in self.sources[1:]:
-            other: dict[str, object] = getattr(source, "coordinate_system", {})
-            if any(said[kind] != other[kind] for kind in said.keys() & other.keys()):
+        self._warn_of_systems()
+        self._warn_of_clocks()
+
+    def _warn_of_systems(self) -> None:
+        """Warn of files whose coordinate systems differ, and of those that say nothing of theirs beside others."""
+        stated = [(source.path, getattr(source, "stated_system", None)) for source in self.sources]
+        known = [(path, said) for path, said in stated if said]
+        silent = [path for path, said in stated if not said]
+        for path, said in known[1:]:
+            if known[0][1].contradicts(said):
                 warn(
-                    f"{first.path} and {source.path} have different coordinate systems, and are segmented as if they "
-                    "had the same; bring them into one first"
+                    f"{known[0][0]} and {path} have different coordinate systems, and are segmented as if they had the "
+                    "same; bring them into one first"
+                )
+                return
+        if known and silent:
+            others = f" and {len(silent) - 1:,} more" if len(silent) > 1 else ""
+            warn(f"{silent[0]}{others} names no coordinate system; that of {known[0][0]} is taken for all, and written")
+
+    def _warn_of_clocks(self) -> None:
+        """Warn of files that count time from different days."""
+        first, clock = self.sources[0], getattr(self.sources[0], "clock", None)
+        for source in self.sources[1:]:
+            other = getattr(source, "clock", None)
+            if clock and other and clock != other:
+                warn(
+                    f"gps_time of {first.path} is {clock}, that of {source.path} is {other}; they are taken as they are"
                 )
                 return
 
@@ -190,6 +218,22 @@ def damage_sentence(path: Path, read: int, announced: int, reason: str) -> str:
         f"{path.name} is damaged after point {read:,} of {announced:,}; "
         f"the {read:,} points before it were read ({reason})"
     )
+
+
+def _coordinate_system(sources: Sequence[Source]) -> CoordinateSystem | None:
+    systems: list[CoordinateSystem | None] = [getattr(source, "coordinate_system", None) for source in sources]
+    return next((system for system in systems if system is not None), None)
+
+
+def _caution(system: CoordinateSystem | None, sources: Sequence[Source]) -> str | None:
+    """Say why distances are not what they seem, by the first file for which there is something to say."""
+    for source in sources:
+        own = getattr(source, "coordinate_system", None) or system
+        looks_so = bool(getattr(source, "looks_like_degrees", False))
+        box: tuple[tuple[float, float], ...] | None = getattr(source, "box", None)
+        if sentence := caution(own, box and box[:2], looks_so):
+            return sentence
+    return None
 
 
 def _extent_along_x(sources: Sequence[Source]) -> float | None:

@@ -78,6 +78,8 @@ class LabelSpool:
         self._is_open = True
         self.has_any = False
         """Whether any point has been labelled."""
+        self.largest_id = NO_SEGMENT
+        """The largest segment id that has been added."""
 
     def add(self, point_ids: ArrayLike, segment_ids: ArrayLike) -> None:
         """Note the segment of each point.
@@ -105,6 +107,7 @@ class LabelSpool:
         if points.min() < 0:
             raise InvalidInput(f"point id {points.min()} is negative, point ids start at 0")
         self.has_any = True
+        self.largest_id = max(self.largest_id, int(segments.max()))
         for start in range(0, len(points), _BUFFERED_PAIRS):
             part = slice(start, start + _BUFFERED_PAIRS)
             self._waiting.append(np.column_stack((points[part], segments[part])))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import mmap
 import os
-import re
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -17,8 +16,11 @@ import numpy as np
 
 from ..errors import FileError, MissingExtra, warn
 from .cloud import Chunk, damage_sentence
+from .coordinate_system import looks_like_degrees, read_system
 from .las_blocks import body_of, in_blocks
 from .las_box import Box, outside_sentence
+from .las_dimensions import Dimensions
+from .las_records import EVLR, VLR, WAVEFORMS, Record, legible, whole_records
 from .lattice import Lattice
 
 if TYPE_CHECKING:
@@ -38,12 +40,7 @@ _SMALLEST_HEADER, _OLD_COUNT_AT = 227, 107
 _MAX_HEADER_BYTES = 1 << 30
 _LARGEST_POINT_FORMAT = 10
 _SCALES, _LARGEST_OFFSET = (1e-12, 1e6), 1e12
-_VLR, _EVLR = struct.Struct("<2x16sHH32s"), struct.Struct("<2x16sHQ32s")
-
-_LINEAR_UNIT_KEY, _PROJECTED_SYSTEM_KEY = 3076, 3072
-_UNITS_BY_CODE = {9001: "m", 9002: "ft", 9003: "ft"}
-_UNITS_BY_NAME = {"metre": "m", "meter": "m", "foot": "ft", "us survey foot": "ft", "foot_us": "ft"}
-_METRIC_UTM_BLOCKS = {258, 269, 326, 327}
+_FIRST_WKT_FORMAT = 6
 
 # Point formats from 6 on are compressed in layers, which need not all be decoded; of others than these all are.
 _LAYERS = {
@@ -59,7 +56,7 @@ class LasSource:
     """One LAS or LAZ file. See `streamseg.io.cloud.Source`.
 
     Points are the raw integers X, Y, Z as float64. Attributes are any dimension that laspy names, bit fields and
-    extra bytes included.
+    extra bytes included, as `las_dimensions` has them.
     """
 
     kind = "las"
@@ -67,17 +64,23 @@ class LasSource:
     def __init__(self, path: Path) -> None:
         self.path = path
         with open(path, "rb") as file:
-            self.header, self.vlrs = _read_header(file, path)
-            self._box = Box(self.header)
-            self._body = body_of(file, path, self.header, self._box, _old_count(file))
-        self.header.point_count = self._body.count
+            self.header, self.vlrs, self.raw_header = _read_header(file, path)
+            header = self.header
+            self._box = Box(header)
+            self._body = body_of(file, path, header, self._box, _old_count(file))
+        header.point_count = self._body.count
         self._has_told, self._outside = False, 0
-        self.point_count: int | None = self.header.point_count
-        self.lattice = Lattice(tuple(self.header.scales.tolist()), tuple(self.header.offsets.tolist()))
-        self.dimensions: tuple[str, ...] = tuple(self.header.point_format.dimension_names)
-        self.range_x = (float(self.header.mins[0]), float(self.header.maxs[0]))
-        self.unit = _linear_unit(self.header)
-        self.coordinate_system = _coordinate_system(self.header)
+        self.point_count: int | None = header.point_count
+        self.lattice = Lattice(tuple(header.scales.tolist()), tuple(header.offsets.tolist()))
+        self._dimensions = Dimensions(header.point_format, self.vlrs)
+        self.dimensions: tuple[str, ...] = self._dimensions.names
+        self.extra_dimensions = self._dimensions.extra
+        self.box = tuple((float(low), float(high)) for low, high in zip(header.mins, header.maxs, strict=True))
+        self.range_x = self.box[0]
+        prefers_wkt = header.global_encoding.wkt or header.point_format.id >= _FIRST_WKT_FORMAT
+        self.coordinate_system, self.stated_system = read_system([*self.vlrs, *self.evlrs()], prefers_wkt)
+        self.clock = _clock(header)
+        self.looks_like_degrees = looks_like_degrees(self.box[:2], self.lattice.scale)
         self.damage: str | None = None
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
@@ -89,7 +92,7 @@ class LasSource:
             points = np.empty((len(records), 3))
             for axis, name in enumerate("XYZ"):
                 points[:, axis] = records[name]
-            yield Chunk(points, {name: np.ascontiguousarray(records[name]) for name in attributes})
+            yield Chunk(points, {name: self._dimensions.values(records, name) for name in attributes})
 
     def records(self, size: int, selection: Any = None) -> Iterator[Any]:
         """Yield the points as laspy's point records, up to the end or to the damage.
@@ -105,16 +108,31 @@ class LasSource:
             yield laspy.ScaleAwarePointRecord(block, header.point_format, header.scales, header.offsets)
         self._conclude(done)
 
-    def evlrs(self) -> list[Any]:
+    @property
+    def announced_evlrs(self) -> int:
+        """How many extended records the file says that it has."""
+        header = self.header
+        return int(header.number_of_evlrs if header.version.minor >= 4 else self._has_waveforms)
+
+    def evlrs(self) -> list[Record]:
         """Return the extended records that lie completely inside the file, with views of the file as payloads."""
+        header, found = self.header, list[Record]()
+        if not self.announced_evlrs and not self._has_waveforms:
+            return found
         with open(self.path, "rb") as file:
             data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-        header, minor = self.header, self.header.version.minor
-        if minor >= 4:
-            return _whole_records(data, header.start_of_first_evlr, header.number_of_evlrs, _EVLR)
-        # Waveforms inside a file of version 1.3 are one record at its end.
-        has_waveforms = minor == 3 and header.global_encoding.waveform_data_packets_internal
-        return _whole_records(data, header.start_of_waveform_data_packet_record, int(has_waveforms), _EVLR)
+        if header.version.minor >= 4:
+            found = whole_records(data, header.start_of_first_evlr, header.number_of_evlrs, EVLR)
+        if self._has_waveforms and all(record.key != WAVEFORMS for record in found):
+            # Before version 1.4 this is the only record behind the points.
+            record = whole_records(data, header.start_of_waveform_data_packet_record, 1, EVLR)
+            found += [one for one in record if one.key == WAVEFORMS]
+        return found
+
+    @property
+    def _has_waveforms(self) -> bool:
+        """Whether the file says where in it waveforms are."""
+        return bool(self.header.version.minor >= 3 and self.header.start_of_waveform_data_packet_record > 0)
 
     def _watch(self, block: NDArray[np.void]) -> None:
         """Count what lies outside of the header's bounding box, unless that has been told."""
@@ -139,8 +157,8 @@ class LasSource:
         self._has_told, self._outside = True, 0
 
 
-def _read_header(file: BinaryIO, path: Path) -> tuple[Any, list[Any]]:
-    """Read the header, and its records with their payloads as they stand.
+def _read_header(file: BinaryIO, path: Path) -> tuple[Any, list[Record], bytes]:
+    """Read the header, its records as they stand, and the header itself byte by byte.
 
     Raises
     ------
@@ -171,10 +189,12 @@ def _read_header(file: BinaryIO, path: Path) -> tuple[Any, list[Any]]:
     if format_byte & 0x7F > _LARGEST_POINT_FORMAT:
         raise FileError(f"{path} has point format {format_byte & 0x7F}; formats 0 to 10 can be read")
     raw = start + file.read(points_at - len(start))
-    vlrs = _whole_records(raw, size, vlr_count, _VLR)
+    vlrs = whole_records(raw, size, vlr_count, VLR)
     if len(vlrs) < vlr_count:
         raise FileError(f"{path} has a damaged header: record {len(vlrs) + 1} of {vlr_count:,} reaches into the points")
-    return _parsed(raw, path), vlrs
+    names = laspy.PointFormat(format_byte & 0x7F)
+    taken = {*names.dimension_names, *(names.dtype().names or ())}
+    return _parsed(legible(raw, size, vlrs, taken, path), path), vlrs, raw[:size]
 
 
 def _parsed(raw: bytes, path: Path) -> Any:
@@ -202,40 +222,11 @@ def _old_count(file: BinaryIO) -> int:
     return int.from_bytes(file.read(4), "little")
 
 
-def _whole_records(data: bytes | memoryview, at: int, announced: int, layout: struct.Struct) -> list[Any]:
-    """List the variable length records that lie completely inside `data`.
-
-    laspy goes on reading behind the end, and writes the payloads that it understands in its own way.
-    """
-    found: list[Any] = []
-    while len(found) < announced and at + layout.size <= len(data):
-        user, number, length, about = layout.unpack_from(data, at)
-        at += layout.size + length
-        if at > len(data):
-            break
-        user, about = (text.split(b"\0")[0].decode("ascii", "ignore") for text in (user, about))
-        found.append(laspy.VLR(user, number, about, data[at - length : at]))
-    return found
-
-
-def _coordinate_system(header: Any) -> dict[str, object]:
-    """Tell what the file says of its coordinate system, by the kind of record that says it; citations are left out."""
-    keys = {
-        key.id: key.value_offset
-        for vlr in header.vlrs.get("GeoKeyDirectoryVlr")
-        for key in vlr.geo_keys
-        if key.tiff_tag_location == 0
-    }
-    text = "".join("".join(vlr.string for vlr in header.vlrs.get("WktCoordinateSystemVlr")).split()).strip("\0")
-    return {kind: said for kind, said in (("GeoKeys", keys), ("WKT", text)) if said}
-
-
-def _linear_unit(header: Any) -> str | None:
-    """Abbreviation of the horizontal unit, where the coordinate system of the file says it plainly; else None."""
-    keys = {key.id: key.value_offset for vlr in header.vlrs.get("GeoKeyDirectoryVlr") for key in vlr.geo_keys}
-    if keys.get(_LINEAR_UNIT_KEY) in _UNITS_BY_CODE:
-        return _UNITS_BY_CODE[keys[_LINEAR_UNIT_KEY]]
-    text = "".join(vlr.string for vlr in header.vlrs.get("WktCoordinateSystemVlr")).lower()
-    names = re.findall(r'(?:length)?unit\["([^"]+)"', text)
-    unit = next((_UNITS_BY_NAME[name] for name in reversed(names) if name in _UNITS_BY_NAME), None)
-    return unit or ("m" if keys.get(_PROJECTED_SYSTEM_KEY, 0) // 100 in _METRIC_UTM_BLOCKS else None)
+def _clock(header: Any) -> str | None:
+    """Say from when on times are counted; None of points without time."""
+    if "gps_time" not in header.point_format.dimension_names:
+        return None
+    encoding = header.global_encoding
+    if encoding.gps_time_offset:
+        return f"GPS time less {header.gps_time_offset} million seconds"
+    return "GPS time less a billion seconds" if encoding.gps_time_type else "seconds of the GPS week"

@@ -15,6 +15,9 @@ from .text import SUFFIXES as TEXT_SUFFIXES
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+# Readers take a file of such a name for a cloud-optimized one, with an octree.
+_COPC_SUFFIX = ".copc.laz"
+
 OUTPUT_SUFFIXES = (".las", ".laz", ".npy", *TEXT_SUFFIXES)
 
 
@@ -42,6 +45,9 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     out = Path(out)
     if out.suffix.lower() not in OUTPUT_SUFFIXES:
         raise InvalidParameter(f"output {out} ends in {out.suffix!r}, must end in {', '.join(OUTPUT_SUFFIXES)}")
+    if out.name.lower().endswith(_COPC_SUFFIX):
+        plain = out.name[: -len(_COPC_SUFFIX)] + out.suffix
+        raise InvalidParameter(f"output {out} is called as COPC is, which is not written; name it {plain}")
     if not out.parent.is_dir():
         raise FileError(f"cannot write {out}: the folder {out.parent} does not exist")
     if out.is_dir():

@@ -55,13 +55,13 @@ class Raster(NamedTuple):
     outside: int
 
 
-def survey(labelled: Path) -> Survey:
+def survey(labelled: Path, id_name: str | None = None) -> Survey:
     """First pass: how many points, which segments, and the frame that leaves far outliers out."""
     points, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
     sample: list[Floats] = []
     stride = 1
     ids, counts = np.empty(0, np.int64), np.empty(0, np.int64)
-    for chunk, segments in _finite(read_labels(labelled)):
+    for chunk, segments in _finite(read_labels(labelled, id_name=id_name)):
         points += len(chunk)
         low, high = np.minimum(low, chunk[:, :2].min(axis=0)), np.maximum(high, chunk[:, :2].max(axis=0))
         sample.append(chunk[::stride, :2].copy())
@@ -78,7 +78,9 @@ def survey(labelled: Path) -> Survey:
     return Survey(low, high, points, ids, counts)
 
 
-def rasterize(labelled: Path, low: Floats, high: Floats, size: int, panels: int = 1) -> Raster:
+def rasterize(
+    labelled: Path, low: Floats, high: Floats, size: int, panels: int = 1, id_name: str | None = None
+) -> Raster:
     """Draw the points between `low` and `high` (x, y) onto a raster that fits `size` pixels."""
     extent = np.maximum(high - low, 1e-9)
     pixel = float(max(extent[0] * panels, extent[1]) / size)
@@ -88,7 +90,7 @@ def rasterize(labelled: Path, low: Floats, high: Floats, size: int, panels: int 
     height = np.full(rows * columns, -np.inf)
     ids = np.full(rows * columns, -1, np.int64)
     outside = 0
-    for points, segments in read_labels(labelled):
+    for points, segments in read_labels(labelled, id_name=id_name):
         inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
         outside += len(points) - int(inside.sum())
         x, y, z = points[inside].T

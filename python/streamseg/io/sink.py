@@ -10,7 +10,8 @@ import numpy as np
 from ..errors import InvalidInput
 from .cloud import DEFAULT_CHUNK, Cloud
 from .home import Home
-from .labels import SEGMENT_DIMENSION, LabelSource, as_whole
+from .id_column import checked_id_name, id_type
+from .labels import NO_SEGMENT, SEGMENT_DIMENSION, LabelSource, as_whole
 from .output import check_output, replacing
 from .text import SUFFIXES as TEXT_SUFFIXES
 from .text import TextSource
@@ -38,6 +39,7 @@ def write_labelled(
     labels: LabelSource,
     *,
     overwrite: bool = False,
+    id_name: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Read the cloud once more and write its points with their segment ids, in the same order.
@@ -45,8 +47,9 @@ def write_labelled(
     The suffix of `out` decides the format:
 
     * LAS and LAZ from LAS and LAZ: every dimension, record and identifier of the first file is kept, and
-      ``SegmentID`` (int64) added, or replaced where there is one. Several files become one. Records that would no
-      longer be true are left out: the octree of COPC, and a spatial index when points are missing.
+      ``SegmentID`` added, or replaced where there is one. Several files become one; where the first has no coordinate
+      system, that of the first file that has one is written. Records that would no longer be true are left out: the
+      octree of COPC, and a spatial index when points are missing. Ids are int32; int64 from 2³¹ points on.
     * LAS and LAZ from other formats: version 1.4, point format 6, scale 0.001 where that fits.
     * text from text: the lines as they are, with the segment id as last column. A comment at the end of a line is
       not kept.
@@ -63,6 +66,8 @@ def write_labelled(
     labels : LabelSource
     overwrite : bool
         Whether an existing `out` may be replaced.
+    id_name : str, default "SegmentID"
+        What the dimension or column of ids is called.
     progress : callable, optional
         Called with the number of points done so far.
 
@@ -81,7 +86,7 @@ def write_labelled(
     """
     out = Path(out)
     check_output(out, cloud.paths, overwrite)
-    sink = _sink(cloud, out.suffix.lower())
+    sink = _sink(cloud, out, id_name, labels)
     done = written = 0
     home = Home(f"the writing of {out}")
     with replacing(out) as file:
@@ -105,25 +110,29 @@ def write_labelled(
     return written
 
 
-def check_kind(cloud: Cloud, out: Path | str) -> None:
+def check_kind(cloud: Cloud, out: Path | str, id_name: str | None = None) -> None:
     """Refuse inputs that cannot become one output of this kind, before any work is done.
 
     Raises
     ------
     InvalidInput
         LAS files whose point formats or sizes do not go together, or text files whose columns differ.
+    InvalidParameter
+        A name for the ids that they cannot have.
     """
-    suffix = Path(out).suffix.lower()
+    out = Path(out)
+    checked_id_name(id_name, out)
+    suffix = out.suffix.lower()
     if (cloud.kind == "las" and suffix in (".las", ".laz")) or (cloud.kind == "text" and suffix in TEXT_SUFFIXES):
-        _sink(cloud, suffix)
+        _sink(cloud, out, id_name, None)
 
 
 def read_labels(
-    path: Path | str, chunk: int = DEFAULT_CHUNK
+    path: Path | str, chunk: int = DEFAULT_CHUNK, id_name: str | None = None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Read a labelled LAS, LAZ or text file in pieces of at most `chunk` points.
 
-    Text without a line of names has its segment ids in the last column.
+    The ids are in the dimension or column `id_name`; ``SegmentID`` if it is not given. Text without a line of names has its segment ids in the last column.
 
     Yields
     ------
@@ -139,27 +148,46 @@ def read_labels(
 
     path = Path(path)
     cloud = open_cloud(path)
-    if cloud.kind == "npy" and SEGMENT_DIMENSION not in cloud.dimensions:
-        raise InvalidInput(f"{path} holds no {SEGMENT_DIMENSION}; give a labelled LAS, LAZ or text file")
-    name = SEGMENT_DIMENSION
+    name = SEGMENT_DIMENSION if id_name is None else id_name
+    if cloud.kind == "npy" and name not in cloud.dimensions:
+        raise InvalidInput(f"{path} holds no {name}; give a labelled LAS, LAZ or text file")
     if cloud.kind == "text" and name not in cloud.dimensions:
         source = cast("TextSource", cloud.sources[0])
-        if source.layout.header is not None or len(cloud.dimensions) < 4:
+        if id_name is not None or source.layout.header is not None or len(cloud.dimensions) < 4:
             raise InvalidInput(f"{path} has no column {name}; there are: {', '.join(cloud.dimensions)}")
         name = cloud.dimensions[-1]
     for points, attributes in cloud.chunks(chunk, (name,)):
-        if (ids := as_whole(attributes[name])) is None:
+        ids = attributes[name]
+        if cloud.kind == "las" and ids.dtype.kind == "f":  # the dimension says what no data is, which is no segment
+            ids = np.where(np.isnan(ids), NO_SEGMENT, ids)
+        if (whole := as_whole(ids)) is None:
             raise InvalidInput(
                 f"{path} has numbers in column {name} that are no segment ids: they are not whole, or beyond 64 bits"
             )
-        yield cloud.lattice.to_coordinates(points), ids
+        yield cloud.lattice.to_coordinates(points), whole
 
 
-def _sink(cloud: Cloud, suffix: str) -> _Sink:
+def _sink(cloud: Cloud, out: Path, id_name: str | None, labels: LabelSource | None) -> _Sink:
+    name, suffix = checked_id_name(id_name, out), out.suffix.lower()
     if suffix == ".npy":
         return IdSink(cloud)
     if suffix in TEXT_SUFFIXES:
-        return LineSink(cloud) if cloud.kind == "text" else CoordinateSink(cloud, suffix == ".csv")
+        return LineSink(cloud, name) if cloud.kind == "text" else CoordinateSink(cloud, suffix == ".csv", name)
     from .las_sink import PointSink, RecordSink
 
-    return RecordSink(cloud, suffix == ".laz") if cloud.kind == "las" else PointSink(cloud, suffix == ".laz")
+    kind = RecordSink if cloud.kind == "las" else PointSink
+    return kind(cloud, suffix == ".laz", name, lambda points: id_type(points, _largest_id(labels, points)))
+
+
+def _largest_id(labels: LabelSource | None, points: int | None) -> int:
+    """Tell the largest id there is; of labels that do not know it, by reading them."""
+    if labels is None or points is None:
+        return NO_SEGMENT
+    known: int | None = getattr(labels, "largest_id", None)
+    if known is not None:
+        return known
+    largest = NO_SEGMENT
+    for start in range(0, points, DEFAULT_CHUNK):
+        ids, reached = labels.read(start, min(start + DEFAULT_CHUNK, points))
+        largest = max(largest, int(ids[reached].max(initial=NO_SEGMENT)))
+    return largest

@@ -30,7 +30,7 @@ _NPY_HEADER_BYTES = 128
 class LineSink:
     """Text in, text out: each line is kept and its segment id appended.
 
-    A file that was written this way before has its ids replaced: its header ends in ``SegmentID``.
+    A file that was written this way before has its ids replaced: its header ends in the name of the ids.
 
     Raises
     ------
@@ -38,7 +38,8 @@ class LineSink:
         Lines of several files would not have the same columns.
     """
 
-    def __init__(self, cloud: Cloud) -> None:
+    def __init__(self, cloud: Cloud, id_name: str = SEGMENT_DIMENSION) -> None:
+        self._id_name = id_name
         self._cloud = cloud
         self._sources = cast("tuple[TextSource, ...]", cloud.sources)
         for source in self._sources[1:]:
@@ -54,8 +55,8 @@ class LineSink:
             header = layout.header.rstrip()
             if layout.ends_in_delimiter:
                 header = header.removesuffix(layout.header_joiner.strip())
-            kept = _without_last(layout, header, layout.header_joiner)
-            file.write(to_bytes(f"{kept}{layout.header_joiner}{SEGMENT_DIMENSION}\n"))
+            kept = self._without_ids(layout, header, layout.header_joiner)
+            file.write(to_bytes(f"{kept}{layout.header_joiner}{self._id_name}\n"))
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and their lines, per block."""
@@ -74,8 +75,8 @@ class LineSink:
         if not kept.all():
             lines, ids = [line for line, keep in zip(lines, kept.tolist(), strict=True) if keep], ids[kept]
         layout = self._sources[index].layout
-        if layout.names[-1] == SEGMENT_DIMENSION:
-            lines = [_without_last(layout, line, layout.delimiter) for line in lines]
+        if layout.names[-1] == self._id_name:
+            lines = [self._without_ids(layout, line, layout.delimiter) for line in lines]
         line_end = f"{layout.joiner}%d\n"
         pairs = zip(lines, ids.tolist(), strict=True)
         self._file.write(to_bytes("".join(map(f"%s{line_end}".__mod__, pairs))))
@@ -84,12 +85,11 @@ class LineSink:
     def finish(self) -> None:
         """Nothing is left to do."""
 
-
-def _without_last(layout: TextLayout, line: str, delimiter: str | None) -> str:
-    """Take the segment id of an earlier run away, if there is one."""
-    if layout.names[-1] != SEGMENT_DIMENSION:
-        return line
-    return line.rstrip().rsplit(delimiter if delimiter != " " else None, 1)[0]
+    def _without_ids(self, layout: TextLayout, line: str, delimiter: str | None) -> str:
+        """Take the segment id of an earlier run away, if there is one."""
+        if layout.names[-1] != self._id_name:
+            return line
+        return line.rstrip().rsplit(delimiter if delimiter != " " else None, 1)[0]
 
 
 def _require_same_columns(first: TextSource, other: TextSource) -> None:
@@ -114,9 +114,9 @@ def _listed(layout: TextLayout) -> str:
 class CoordinateSink:
     """Anything in, text out: x y z and the segment id. A ``.csv`` has commas and a line of names."""
 
-    def __init__(self, cloud: Cloud, comma_separated: bool) -> None:
+    def __init__(self, cloud: Cloud, comma_separated: bool, id_name: str = SEGMENT_DIMENSION) -> None:
         self._cloud = cloud
-        self._header = f"x,y,z,{SEGMENT_DIMENSION}\n" if comma_separated else ""
+        self._header = f"x,y,z,{id_name}\n" if comma_separated else ""
         number = _number_format(cloud)
         self._line = ("," if comma_separated else " ").join((number, number, number, "%d")) + "\n"
 

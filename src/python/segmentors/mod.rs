@@ -23,6 +23,7 @@ pub use region_growing::PyRegionGrowing;
 
 use super::arrays::{LatticeOf, lattice_of};
 use super::spans::{PyWindowSize, span_by};
+use crate::attribute::meant;
 use crate::error::Result;
 use crate::preprocessing::Stage;
 use crate::recipe::{Ingredients, Recipe};
@@ -37,6 +38,9 @@ pub struct PyRecipe {
     /// The attributes of the cloud that are read.
     #[pyo3(get)]
     reads: Vec<String>,
+    /// The features that are computed, because the cloud does not have them.
+    #[pyo3(get)]
+    computes: Vec<&'static str>,
 }
 
 #[pymethods]
@@ -54,9 +58,10 @@ impl PyRecipe {
             Ok(built_in) => (Arc::clone(&built_in.get().core), built_in.get().options.clone()),
             Err(_) => (Arc::new(foreign::Foreign::new(segmentor)?) as Arc<dyn Segmentor>, Options::none()),
         };
-        let segmentor = prepared(core, options, super::preprocessing::stages(stages)?, &available, has_more)?;
+        let stages = super::preprocessing::stages(stages)?;
+        let (segmentor, computes) = prepared(core, options, stages, &available, has_more)?;
         let reads = segmentor.reads();
-        Ok(Self { segmentor, reads })
+        Ok(Self { segmentor, reads, computes })
     }
 
     /// What is done so that a stream which comes back to where it was finds each object once: "nothing", "bring back" or
@@ -85,18 +90,26 @@ impl PyRecipe {
     }
 }
 
-/// The segmentor itself if there is nothing to prepare.
+/// The one of `names` that is meant by `name`, whatever its case, underscores and blanks: the most alike.
+#[pyfunction]
+pub fn meant_attribute(name: &str, names: Vec<String>) -> PyResult<Option<String>> {
+    Ok(meant(name, names.iter().map(String::as_str))?.map(ToString::to_string))
+}
+
+/// The segmentor itself if there is nothing to prepare; and the names of the features that are computed.
 fn prepared(
     segmentor: Arc<dyn Segmentor>,
     options: Options,
     stages: Vec<Arc<dyn Stage>>,
     available: &[String],
     has_more: bool,
-) -> Result<Arc<dyn Segmentor>> {
+) -> Result<(Arc<dyn Segmentor>, Vec<&'static str>)> {
     let Options { filter, seed_filter, fit, .. } = options;
     if stages.is_empty() && filter.is_none() && seed_filter.is_none() && segmentor.attributes().is_empty() {
-        return Ok(segmentor);
+        return Ok((segmentor, vec![]));
     }
     let ingredients = Ingredients { stages, filter, seed_filter, fit, segmentor };
-    Ok(Arc::new(Recipe::new(ingredients, available, has_more)?))
+    let recipe = Recipe::new(ingredients, available, has_more)?;
+    let computes = recipe.computes().iter().map(|feature| feature.name()).collect();
+    Ok((Arc::new(recipe), computes))
 }
