@@ -9,7 +9,7 @@ from ..history import MANIFEST, History
 from ..io import open_cloud
 from ..source import PathLike
 from .proposal import propose
-from .sample import Sampler
+from .sample import FEWEST, LONGEST, SHORTEST, Sampler
 from .shape import shape_of
 from .survey import Survey, surveyed
 from .wording import of_facts, of_proposals, of_shape, reprojection
@@ -42,9 +42,7 @@ def _of_history(folder: Path) -> Iterator[tuple[str, str]]:
     manifest = History(folder).manifest
     yield "history of", manifest["source"]
     parameters = dict(manifest["parameters"])
-    least, most, sort = (
-        parameters.pop(name, None) for name in ("min_segment_size", "max_segment_size", "sort")
-    )
+    least, most, sort = (parameters.pop(name, None) for name in ("min_segment_size", "max_segment_size", "sort"))
     yield from parameters.items()
     if least is not None:
         limits = f"at least {least}" if most is None else f"{least} to {most}"
@@ -69,9 +67,7 @@ def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
         shape = shape_of(blocks, facts.extent)
         yield from of_shape(shape, facts)
         proposals = propose(blocks, shape)
-        yield from of_proposals(
-            path, proposals, is_whole=blocks.is_whole, drop_invalid=facts.invalid > 0
-        )
+        yield from of_proposals(path, proposals, is_whole=blocks.is_whole, drop_invalid=facts.invalid > 0)
     else:
         yield "no proposal", _too_little(facts)
     yield "dimensions", ", ".join(cloud.dimensions)
@@ -80,4 +76,6 @@ def _of_cloud(path: Path) -> Iterator[tuple[str, str]]:
 def _too_little(facts: Survey) -> str:
     if facts.points == facts.invalid:
         return "no point has finite coordinates"
-    return "the points lie at too few places to tell how far apart they are"
+    if not SHORTEST < facts.extent.max() < LONGEST and facts.extent.max() > 0:
+        return f"the points reach {facts.extent.max():g} far, which is no length to measure with"
+    return f"the points lie at fewer than {FEWEST} places, which tells too little"

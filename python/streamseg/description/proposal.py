@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 # A room or a facade: as much as this of the points lies in planes.
 _IN_PLANES = 0.8
 
-_GRAPHS = ("radius", "delaunay")
-
 # Most neighborhoods of a cloud of surfaces are even.
 _SMOOTH = 0.5
 
@@ -29,8 +27,8 @@ _SOME, _MOST = 0.5, 0.7
 # No segmentation is useful that leaves more than this of the points in one segment.
 _ONE_PIECE = 0.9
 
-# A distance at which surfaces surely hang together, in spacings.
-_SURELY = 2.5
+# A distance at which a surface surely hangs together, in spacings, and in distances at which it falls apart.
+_SURELY, _FARTHER = 2.5, 1.5
 
 
 class Proposals(NamedTuple):
@@ -48,8 +46,8 @@ def propose(blocks: Blocks, shape: Shape) -> Proposals:
     """Try what may fit, and keep what does."""
     in_planes, smooth = planes(blocks, shape), growing(blocks, shape)
     surfaces = [trial for trial in (in_planes, smooth) if trial is not None and _is_found(trial, shape)]
-    near = [(trial, stable) for trial, stable in (best_distance(blocks, shape, graph) for graph in _GRAPHS)]
-    near.sort(key=lambda each: _cost(each[0], shape))
+    in_space, on_map = (best_distance(blocks, shape, graph) for graph in ("radius", "delaunay"))
+    near = sorted((in_space, on_map), key=lambda each: _cost(each[0], shape))
     useful = [trial for trial, is_stable in near if is_stable and trial.cost < 1]
     most = [trial for trial in surfaces if trial.labelled >= _MOST]
     if in_planes in most and in_planes.labelled >= _IN_PLANES:
@@ -58,10 +56,19 @@ def propose(blocks: Blocks, shape: Shape) -> Proposals:
         return _of(useful, most, surfaces)
     nearest = near[0][0]
     if nearest.cost < 1 and shape.smooth < _SMOOTH:
-        return _of([nearest], surfaces, remark="with a slightly greater distance nearly all of it is one segment")
-    whole = tried(blocks, Proximity(rounded(_SURELY * shape.spacing), graph="radius"))
+        return _of(
+            [nearest],
+            surfaces,
+            remark="with a slightly greater distance nearly all of it is one segment",
+        )
+    surely = max(_SURELY * shape.spacing, _FARTHER * in_space[0].segmentor.distance)
+    whole = tried(blocks, shape, Proximity(rounded(surely), graph="radius"))
     if whole.largest > _ONE_PIECE:
-        return _of([whole], surfaces, remark="the cloud is one piece at any distance at which it does not fall apart")
+        return _of(
+            [whole],
+            surfaces,
+            remark="the cloud is one piece at any distance at which it does not fall apart",
+        )
     return _of([nearest], surfaces, remark="nothing that was tried does well; this comes nearest")
 
 
@@ -76,7 +83,8 @@ def _of(*ranked: list[Trial], remark: str | None = None) -> Proposals:
 
 def _cost(trial: Trial, shape: Shape) -> float:
     """Rank distances: where points lie above each other on the map, its triangulation says little."""
-    return trial.cost * (1 + shape.layered * (trial.segmentor.graph == "delaunay"))
+    on_map = trial.segmentor.graph == "delaunay"
+    return trial.cost * (1 + (shape.layered if on_map else 0.0))
 
 
 def _is_found(trial: Trial, shape: Shape) -> bool:

@@ -27,7 +27,7 @@ WHOLE = SEEDS * POINTS_PER_BLOCK
 POINTS_AROUND = 5_000
 
 # Squares of lengths are to be numbers, too.
-_SHORTEST, _LONGEST = 1e-100, 1e100
+SHORTEST, LONGEST = 1e-100, 1e100
 
 # Fewer different places tell nothing about a cloud.
 FEWEST = 30
@@ -125,7 +125,7 @@ class _Neighborhood:
     def _distances(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         with np.errstate(over="ignore"):
             apart = points - self._seed
-            return np.einsum("ij,ij->i", apart, apart)
+            return np.asarray(np.einsum("ij,ij->i", apart, apart))
 
 
 def _of_smallest_hash(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
@@ -147,9 +147,7 @@ def _hash(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     return mixed
 
 
-def _laid_apart(
-    blocks: Sequence[NDArray[np.float64]], seeds: NDArray[np.float64], *, is_whole: bool
-) -> Blocks | None:
+def _laid_apart(blocks: Sequence[NDArray[np.float64]], seeds: NDArray[np.float64], *, is_whole: bool) -> Blocks | None:
     """Move each block to a place of its own along x, with more than its own length between any two."""
     if sum(map(len, blocks)) < FEWEST:
         return None
@@ -157,17 +155,14 @@ def _laid_apart(
         middles = [block.min(axis=0) / 2 + block.max(axis=0) / 2 for block in blocks]
         centered = [block - middle for block, middle in zip(blocks, middles, strict=True)]
         apart = 8 * max(float(np.abs(block).max()) for block in centered)
-    if not _SHORTEST < apart < _LONGEST:
+    if not SHORTEST < apart < LONGEST:
         return None
-    moved = [block + [number * apart, 0, 0] for number, block in enumerate(centered)]
+    moved = [block + np.array([number * apart, 0, 0]) for number, block in enumerate(centered)]
     if is_whole:
         around = [_nearest(blocks[0], seed) for seed in seeds]
     else:
         starts = np.cumsum([0, *map(len, blocks)])
-        around = [
-            start + _nearest(block, seed)
-            for start, block, seed in zip(starts[:-1], blocks, seeds, strict=True)
-        ]
+        around = [start + _nearest(block, seed) for start, block, seed in zip(starts[:-1], blocks, seeds, strict=True)]
     return Blocks(
         np.ascontiguousarray(np.concatenate(moved)),
         np.repeat(np.arange(len(blocks)), [len(block) for block in blocks]),

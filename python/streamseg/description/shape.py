@@ -54,9 +54,7 @@ class Shape(NamedTuple):
 def shape_of(blocks: Blocks, extent: NDArray[np.float64]) -> Shape:
     """Measure a sample of a cloud that reaches so far along x, y and z."""
     spacing, on_the_map, layered = _distances(blocks)
-    found = features(
-        blocks.points, ["SurfaceVariation", "NormalSigma0", "NormalX", "NormalY", "NormalZ"], k=K
-    )
+    found = features(blocks.points, ["SurfaceVariation", "NormalSigma0", "NormalX", "NormalY", "NormalZ"], k=K)
     is_smooth = found["SurfaceVariation"] <= _SMOOTH
     is_smooth &= np.isfinite(found["NormalSigma0"])
     noise = float(np.median(found["NormalSigma0"][is_smooth])) if is_smooth.any() else None

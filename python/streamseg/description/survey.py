@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from ..io import Cloud
 
-# An attribute with more different values than this holds no classes.
+# An attribute with more different values than this, or with broken ones, holds no classes.
 _MOST_CLASSES = 256
 
 _READ = ("classification", "number_of_returns", "gps_time")
@@ -30,6 +30,8 @@ class Survey:
     high: NDArray[np.float64] = field(default_factory=lambda: np.full(3, -np.inf))
     classes: dict[int, int] | None = None
     """Points of each class; None if the cloud has no classes."""
+    has_classes: bool = True
+    """False once values turned up that are no classes."""
     of_many_returns: int | None = None
     """Points of pulses with more than one return; None if the cloud does not say."""
     steps_back: dict[str, int] = field(default_factory=dict)
@@ -69,7 +71,11 @@ def surveyed(cloud: Cloud, sampler: Sampler) -> Survey:
         _see_places(facts, real, sampler)
         _see_attributes(facts, values)
         valid = finite(real)
-        for name, line in (("x", valid[:, 0]), ("y", valid[:, 1]), ("gps_time", values.get("gps_time"))):
+        for name, line in (
+            ("x", valid[:, 0]),
+            ("y", valid[:, 1]),
+            ("gps_time", values.get("gps_time")),
+        ):
             if line is not None and len(line):
                 whole = np.concatenate([last.get(name, line[:0]), line])
                 back = int(np.count_nonzero(whole[1:] < whole[:-1]))
@@ -91,12 +97,14 @@ def _see_places(facts: Survey, real: NDArray[np.float64], sampler: Sampler) -> N
 def _see_attributes(facts: Survey, values: dict[str, NDArray[Any]]) -> None:
     if (returns := values.get("number_of_returns")) is not None:
         facts.of_many_returns = (facts.of_many_returns or 0) + int(np.count_nonzero(returns > 1))
-    if (classes := values.get("classification")) is None:
+    if (classes := values.get("classification")) is None or not facts.has_classes:
         return
     if facts.classes is None:
         facts.classes = {}
     found, counts = np.unique(classes[np.isfinite(classes)], return_counts=True)
-    if len(found) > _MOST_CLASSES or len(facts.classes) > _MOST_CLASSES:
-        found, counts = found[:0], counts[:0]
-    for number, count in zip(found.tolist(), counts.tolist(), strict=True):
-        facts.classes[number] = facts.classes.get(number, 0) + count
+    is_class = len(found) <= _MOST_CLASSES and bool((found == np.floor(found)).all())
+    for number, count in zip(found.tolist(), counts.tolist(), strict=True) if is_class else ():
+        facts.classes[int(number)] = facts.classes.get(int(number), 0) + count
+    if not is_class or len(facts.classes) > _MOST_CLASSES:
+        facts.has_classes = False
+        facts.classes = None

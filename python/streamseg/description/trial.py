@@ -20,14 +20,16 @@ if TYPE_CHECKING:
 # Segments with fewer points are small: most often stray points.
 SMALL = 10
 
-# As much as this of the points may be in small segments or lines, and in the largest segment, before a trial is no good.
+# As much as this of the points may be in small segments or lines, and in the largest segment;
+# with more a trial is no good.
 _MOST_SCATTERED, _MOST_IN_LARGEST = 0.15, 0.9
 
 # A segment is a line if its variance across is at most this share of that along it.
 _THIN = 0.02
 
-# Distances that are tried, in spacings, and how often the range is halved.
-_NEAREST, _FARTHEST, _HALVINGS = 0.7, 12.0, 6
+# Distances that are tried first, in spacings; how often it is gone on from there, and how often the range is halved.
+# Scan lines can be a hundred times as far apart as their points.
+_NEAREST, _FARTHEST, _EXTENSIONS, _HALVINGS = 0.7, 12.0, 2, 6
 
 # A distance is stable if one so much greater still leaves more than one segment.
 _STABLE = 1.2
@@ -62,7 +64,7 @@ class Trial(NamedTuple):
         return max(self.scattered, self.crowded)
 
 
-def tried(blocks: Blocks, segmentor: Any) -> Trial:
+def tried(blocks: Blocks, shape: Shape, segmentor: Any) -> Trial:
     """Segment a sample."""
     labels = segment_static(blocks.points, segmentor)
     counts = np.bincount(labels[labels >= 0], minlength=1)
@@ -73,12 +75,12 @@ def tried(blocks: Blocks, segmentor: Any) -> Trial:
         segmentor,
         len(kept) / total,
         float(in_block.reshape(-1, len(counts)).max(axis=1).sum() / total),
-        float(counts[_lines(blocks.points[is_kept], kept, len(counts))].sum() / total),
+        float(counts[_lines(blocks.points[is_kept], kept, len(counts), shape.spacing)].sum() / total),
     )
 
 
-def _lines(points: NDArray[np.float64], labels: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
-    """Tell which segments have next to no extent but along one direction."""
+def _lines(points: NDArray[np.float64], labels: NDArray[np.int64], count: int, spacing: float) -> NDArray[np.bool_]:
+    """Tell which segments are narrower than the spacing, and next to nothing but long."""
     members = np.bincount(labels, minlength=count)
     means = np.stack([np.bincount(labels, points[:, axis], count) for axis in range(3)], axis=1)
     apart = points - (means / np.maximum(members, 1)[:, None])[labels]
@@ -87,25 +89,32 @@ def _lines(points: NDArray[np.float64], labels: NDArray[np.int64], count: int) -
         for column in range(3):
             covariance[:, row, column] = np.bincount(labels, apart[:, row] * apart[:, column], count)
     _, middle, greatest = np.linalg.eigvalsh(covariance).T
-    return (members > 0) & (middle <= _THIN * greatest)
+    is_thin = (middle <= _THIN * greatest) & (middle <= members * spacing**2)
+    return np.asarray(is_thin & (members > 0))
 
 
 def best_distance(blocks: Blocks, shape: Shape, graph: str) -> tuple[Trial, bool]:
     """Find the distance at which neither small segments nor the largest one take too much of the points.
 
-    With the distance the small segments become fewer and the largest grows, so there is one place where both are equally
-    far from being too much. Returned with whether it is stable: whether a slightly greater distance would do as well.
+    With the distance the small segments become fewer and the largest grows, so there is one place where both are
+    equally far from being too much. Returned with whether it is stable: whether a slightly greater distance leaves
+    more than one piece, too.
     """
     near, far = _NEAREST * shape.spacing, _FARTHEST * shape.spacing
+    for _ in range(_EXTENSIONS):
+        trial = tried(blocks, shape, Proximity(far, graph=graph))
+        if trial.scattered <= trial.crowded:
+            break
+        near, far = far, far * _FARTHEST
     for _ in range(_HALVINGS):
         middle = math.sqrt(near * far)
-        trial = tried(blocks, Proximity(middle, graph=graph))
+        trial = tried(blocks, shape, Proximity(middle, graph=graph))
         if trial.scattered > trial.crowded:
             near = middle
         else:
             far = middle
-    best = tried(blocks, Proximity(rounded(far), graph=graph))
-    beyond = tried(blocks, Proximity(_STABLE * best.segmentor.distance, graph=graph))
+    best = tried(blocks, shape, Proximity(rounded(far), graph=graph))
+    beyond = tried(blocks, shape, Proximity(_STABLE * best.segmentor.distance, graph=graph))
     return best, beyond.largest < _MOST_IN_LARGEST
 
 
@@ -117,6 +126,7 @@ def planes(blocks: Blocks, shape: Shape) -> Trial | None:
     seeds = rounded(1.5 * noise)
     return tried(
         blocks,
+        shape,
         PlaneExtraction(
             rounded(4 * shape.spacing),
             k=K,
@@ -131,7 +141,7 @@ def planes(blocks: Blocks, shape: Shape) -> Trial | None:
 
 def growing(blocks: Blocks, shape: Shape) -> Trial:
     """Try pieces of surface that may bend."""
-    return tried(blocks, RegionGrowing(K, search_radius=rounded(6 * shape.spacing), angle_deg=15.0))
+    return tried(blocks, shape, RegionGrowing(K, search_radius=rounded(6 * shape.spacing), angle_deg=15.0))
 
 
 def rounded(number: float) -> float:

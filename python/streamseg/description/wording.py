@@ -54,7 +54,8 @@ def of_facts(cloud: Cloud, facts: Survey) -> Iterator[tuple[str, str]]:
     if facts.invalid:
         yield (
             "invalid",
-            f"{facts.invalid:,} points have no finite coordinates; --drop-invalid gives them no segment",
+            f"{facts.invalid:,} of {facts.points:,} points have no finite coordinates; "
+            "--drop-invalid gives them no segment",
         )
     if facts.name or facts.unit:
         yield "system", _system(facts)
@@ -65,9 +66,7 @@ def of_facts(cloud: Cloud, facts: Survey) -> Iterator[tuple[str, str]]:
     if columns:
         yield "columns", columns
     if facts.has_extent:
-        for axis, least, most, extent in zip(
-            "xyz", facts.low, facts.high, facts.extent, strict=True
-        ):
+        for axis, least, most, extent in zip("xyz", facts.low, facts.high, facts.extent, strict=True):
             yield axis, f"{_number(least)} to {_number(most)}, extent {_number(extent)}"
         yield "order", _order(facts)
     if facts.classes:
@@ -90,8 +89,7 @@ def _columns(cloud: Cloud) -> str | None:
     if layout is None:
         return "x, y and z are the first three" if "column_4" in cloud.dimensions else None
     named = " and ".join(
-        f"{axis} is column {place + 1} ({layout.names[place]!r})"
-        for axis, place in zip("xyz", layout.xyz, strict=True)
+        f"{axis} is column {place + 1} ({layout.names[place]!r})" for axis, place in zip("xyz", layout.xyz, strict=True)
     )
     return named.replace(" and ", ", ", 1)
 
@@ -111,9 +109,9 @@ def _classes(classes: dict[int, int]) -> str:
     return words + (f"; and {more} classes more" if more else "")
 
 
-def _class_name(number: float) -> str:
-    name = _CLASSES.get(int(number)) if number == int(number) else None
-    return f"{name} ({number:g})" if name else f"class {number:g}"
+def _class_name(number: int) -> str:
+    name = _CLASSES.get(number)
+    return f"{name} ({number})" if name else f"class {number}"
 
 
 def of_shape(shape: Shape, facts: Survey) -> Iterator[tuple[str, str]]:
@@ -125,7 +123,10 @@ def of_shape(shape: Shape, facts: Survey) -> Iterator[tuple[str, str]]:
         "(median distance to the fourth nearest point)",
     )
     if shape.layered >= _LAYERED:
-        yield "layers", f"{_percent(shape.layered)} of the points lie above or below others on the map"
+        yield (
+            "layers",
+            f"{_percent(shape.layered)} of the points lie above or below others on the map",
+        )
     if shape.noise is not None:
         yield (
             "surfaces",
@@ -134,14 +135,15 @@ def of_shape(shape: Shape, facts: Survey) -> Iterator[tuple[str, str]]:
         )
     if shape.flat is not None:
         axis = "xyz"[shape.flat]
-        yield "flat", f"one surface that faces {axis}" + (": upright, if z is up" if axis != "z" else "")
+        yield (
+            "flat",
+            f"one surface that faces {axis}" + (": upright, if z is up" if axis != "z" else ""),
+        )
     elif shape.up is not None:
         yield "up", f"seems to be {'xyz'[shape.up]}, not z: floors and ceilings face it"
 
 
-def of_proposals(
-    path: Path, proposals: Proposals, *, is_whole: bool, drop_invalid: bool
-) -> Iterator[tuple[str, str]]:
+def of_proposals(path: Path, proposals: Proposals, *, is_whole: bool, drop_invalid: bool) -> Iterator[tuple[str, str]]:
     """Say what to try, the best first: a command, and what it does."""
     for number, trial in enumerate(proposals.trials):
         words = ["streamseg", "segment", _pasted(path), f"OUT{path.suffix}", *_options(trial)]
@@ -166,12 +168,36 @@ def _options(trial: Trial) -> list[str]:
         return words + _without_small(trial)
     if isinstance(segmentor, PlaneExtraction):
         return [
-            *("--method", "planes", "--k", f"{segmentor.k}", "--search-radius", f"{segmentor.search_radius:g}"),
-            *("--max-distance", f"{segmentor.max_distance:g}", "--max-sigma", f"{segmentor.max_sigma:g}"),
-            *("--angle", f"{segmentor.min_angle_deg:g}", "--seed-calculator", segmentor.seed_calculator),
+            *(
+                "--method",
+                "planes",
+                "--k",
+                f"{segmentor.k}",
+                "--search-radius",
+                f"{segmentor.search_radius:g}",
+            ),
+            *(
+                "--max-distance",
+                f"{segmentor.max_distance:g}",
+                "--max-sigma",
+                f"{segmentor.max_sigma:g}",
+            ),
+            *(
+                "--angle",
+                f"{segmentor.min_angle_deg:g}",
+                "--seed-calculator",
+                segmentor.seed_calculator,
+            ),
             *("--min-size", f"{segmentor.min_segment_size}"),
         ]
-    words = ["--method", "growing", "--k", f"{segmentor.k}", "--search-radius", f"{segmentor.search_radius:g}"]
+    words = [
+        "--method",
+        "growing",
+        "--k",
+        f"{segmentor.k}",
+        "--search-radius",
+        f"{segmentor.search_radius:g}",
+    ]
     return [*words, "--angle", f"{segmentor.angle_deg:g}", *_without_small(trial)]
 
 
@@ -186,24 +212,24 @@ def _what(segmentor: Any) -> str:
         return "smooth surfaces, which may bend"
     if segmentor.graph == "radius":
         return f"joins points nearer than {segmentor.distance:g} in space: objects that stand apart"
-    return (
-        f"joins neighbors on the map nearer than {segmentor.distance:g} in space: what rises steeply comes apart"
-    )
+    return f"joins neighbors on the map nearer than {segmentor.distance:g} in space: what rises steeply comes apart"
 
 
 def _outcome(trial: Trial, *, is_whole: bool) -> str:
     where = "" if is_whole else "in a sample, "
-    return (
-        f"{where}{_percent(trial.labelled)} of the points are in segments, "
-        f"{_percent(trial.largest)} in the largest"
-    )
+    return f"{where}{_percent(trial.labelled)} of the points are in segments, {_percent(trial.largest)} in the largest"
 
 
 def reprojection(path: Path, facts: Survey) -> list[tuple[str, str]] | None:
     """Advise to project degrees first; None if the coordinates are lengths, or not said to be degrees."""
     if not facts.is_geographic:
         return None
-    advice = [("degrees", "x and y are degrees, which are no lengths: project the cloud first, to UTM for example")]
+    advice = [
+        (
+            "degrees",
+            "x and y are degrees, which are no lengths: project the cloud first, to UTM for example",
+        )
+    ]
     if path.suffix.lower() in (".las", ".laz") and (code := _utm(facts)) is not None:
         words = ["pdal", "translate", _pasted(path), f"OUT{path.suffix}", "reprojection"]
         advice.append(("project", shlex.join([*words, f"--filters.reprojection.out_srs=EPSG:{code}"])))
