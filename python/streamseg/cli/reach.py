@@ -20,7 +20,8 @@ def odd_reach(outcome: Outcome, segmentor: Any, *, quiet: bool) -> None:
     if name is None or outcome.points < _FEW:
         return
     reach, option = getattr(segmentor, name), _REACHES[name]
-    given = f"{option} {reach if isinstance(reach, (int, float)) else ','.join(map(str, reach))}"
+    lengths = [reach] if isinstance(reach, (int, float)) else reach
+    given = f"{option} {','.join(f'{length:g}' for length in lengths)}"
     segments = outcome.segments + outcome.left_out.segments
     if 2 * segments > outcome.points:
         warn(
