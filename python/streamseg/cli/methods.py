@@ -99,7 +99,7 @@ def segmentor(method: str, given: Mapping[str, Any], settings: Iterable[str]) ->
             raise InvalidParameter(f"{option} is given with --method {method}, allowed there: {allowed}")
     for option in chosen.needs:
         if option not in given:
-            raise InvalidParameter(f"--method {method} needs {option}")
+            raise InvalidParameter(f"--method {method} needs {option}; streamseg info FILE proposes one")
     if stray := next(iter(settings), None):
         raise InvalidParameter(f"--set {stray} is given with --method {method}, allowed: with methods of plug-ins")
     return chosen.make(**{parameters[option]: value for option, value in given.items()})

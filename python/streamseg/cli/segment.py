@@ -18,6 +18,7 @@ from ..progress import ProgressBars
 from . import methods
 from .arguments import MOST, WRONG, IdName, Inputs, Output, Overwrite, say
 from .choice import chosen
+from .reach import odd_reach
 
 
 class Result(str, Enum):
@@ -160,6 +161,8 @@ def segment(
         )
     if not quiet:
         _summarize(outcome, choice["segmentor"], output, history, result)
+    if result is not Result.history:
+        odd_reach(outcome, choice["segmentor"], quiet=quiet)
     if preview is not None:
         draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
         say(f"picture in {preview}", quiet)
