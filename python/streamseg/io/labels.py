@@ -8,14 +8,15 @@ dense table.
 from __future__ import annotations
 
 import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
+from .claims import ScratchFolder
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import TracebackType
 
     from numpy.typing import ArrayLike, NDArray
@@ -52,7 +53,8 @@ class LabelSpool:
     Parameters
     ----------
     folder : Path or str, optional
-        Where to put the temporary files, 16 bytes per point; the system's temporary folder if not given.
+        Where to put the temporary files, 16 bytes per point; the system's temporary folder if not given. What
+        dead runs have left there is removed.
 
     Examples
     --------
@@ -65,7 +67,7 @@ class LabelSpool:
 
     def __init__(self, folder: Path | str | None = None) -> None:
         try:
-            self._folder = tempfile.TemporaryDirectory(prefix="streamseg-labels-", dir=folder)
+            self._folder = ScratchFolder(folder)
         except OSError as error:
             raise FileError(f"cannot make a temporary folder in {folder or tempfile.gettempdir()}: {error}") from error
         self._waiting: list[NDArray[np.int64]] = []
@@ -134,7 +136,7 @@ class LabelSpool:
         """Remove the temporary files. Closing again does nothing."""
         self._is_open = False
         self._waiting, self._waiting_pairs, self._dense = [], 0, None
-        self._folder.cleanup()
+        self._folder.remove()
 
     def __enter__(self) -> LabelSpool:
         return self
@@ -181,7 +183,7 @@ class LabelSpool:
         return ids, reached
 
     def _path(self, bucket: int) -> Path:
-        return Path(self._folder.name) / f"{bucket:08d}.pairs"
+        return self._folder.path / f"{bucket:08d}.pairs"
 
     def _require_open(self) -> None:
         if not self._is_open:

@@ -81,7 +81,7 @@ def write_labelled(
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out.suffix.lower())
     done = written = 0
-    with replacing(out) as file:
+    with replacing(out, overwrite=overwrite) as file:
         sink.begin(file)
         for count, block in sink.blocks():
             ids, reached = labels.read(done, done + count)
