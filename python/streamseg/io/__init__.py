@@ -14,7 +14,7 @@ from . import npy, text
 from .cloud import Chunk, Cloud, Source
 from .labels import LabelSource, LabelSpool
 from .lattice import Lattice
-from .output import check_output
+from .output import check_output, is_pattern
 from .sink import check_kind, read_labels, write_labelled
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def _open_source(path: Path) -> Source:
             return LasSource(path)
         return npy.NpySource(path) if suffix == ".npy" else text.TextSource(path)
     except FileNotFoundError:
-        raise FileError(f"{path} does not exist") from None
+        hint = "; the shell makes names of a pattern, if it is not quoted" if is_pattern(path) else ""
+        raise FileError(f"{path} does not exist{hint}") from None
     except (IsADirectoryError, PermissionError) as error:
         raise FileError(f"{path} cannot be read: {error.strerror}") from error

@@ -17,6 +17,7 @@ import tempfile
 import weakref
 import zlib
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from uuid import uuid4
@@ -123,7 +124,7 @@ class ScratchFolder:
             for entry in entries:
                 if entry.name.startswith(_SCRATCH) and entry.is_dir(follow_symlinks=False):
                     left = Path(entry.path)
-                    _remove_if_left(left / _LOCK, lambda left=left: shutil.rmtree(left, ignore_errors=True))
+                    _remove_if_left(left / _LOCK, partial(shutil.rmtree, left, ignore_errors=True))
         self.path, self._claim = self._make(within)
         self._remove = weakref.finalize(self, _remove_folder, self.path, os.getpid())
 

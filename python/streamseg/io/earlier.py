@@ -50,13 +50,17 @@ def foreign(out: Path, inputs: Sequence[Path]) -> str | None:
         return None if is_ours else "a text that streamseg has not written"
     with open(out, "rb") as file:
         head = file.read(_MOST_NPY_HEADER)
-    if suffix == ".png":
-        return None if head.startswith(_PNG_MAGIC) else "no picture"
     if suffix == ".npy":
         is_ours = not head.startswith(_NPY_MAGIC) or all(re.search(sign, head) for sign in _NPY_OF_IDS)
         return None if is_ours else "an array that streamseg has not written"
     is_ours = not head.startswith(_LAS_MAGIC) or _has_sign(out)
     return None if is_ours else "a cloud that streamseg has not written"
+
+
+def no_picture(out: Path) -> str | None:
+    """Say that a file is no picture; None if it is, or has no content, and may be replaced."""
+    with open(out, "rb") as file:
+        return None if file.read(len(_PNG_MAGIC)) in (_PNG_MAGIC, b"") else "no picture"
 
 
 def is_like_inputs(out: Path, inputs: Sequence[Path]) -> bool:

@@ -15,7 +15,7 @@ from .earlier import foreign, is_like_inputs
 from .text import SUFFIXES as TEXT_SUFFIXES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 OUTPUT_SUFFIXES = (".las", ".laz", ".npy", *TEXT_SUFFIXES)
 
@@ -48,28 +48,55 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     out = Path(out)
     if out.suffix.lower() not in OUTPUT_SUFFIXES:
         raise InvalidParameter(f"output {out} ends in {out.suffix!r}, must end in {', '.join(OUTPUT_SUFFIXES)}")
-    check_file(out, inputs, overwrite, "output")
+    paths = [Path(path) for path in inputs]
+    check_file(out, paths, overwrite, "output", lambda there: _foreign(there, paths, overwrite))
 
 
-def check_file(out: Path, inputs: Sequence[Path | str], overwrite: bool, what: str) -> None:
-    """Refuse to write a file of any suffix; see `check_output`."""
+def check_file(
+    out: Path, inputs: Sequence[Path], overwrite: bool, what: str, foreign: Callable[[Path], str | None]
+) -> None:
+    """Refuse to write a file of any kind; see `check_output`.
+
+    `what` names it in messages, and `foreign` says of one that is there what it is, if it must not be replaced.
+    """
     refuse_pattern(out, what)
     target = _target(out)
     if not target.parent.is_dir():
         raise FileError(f"cannot write {out}: the folder {target.parent} does not exist")
     if target.exists():
-        _check_existing(out, [Path(path) for path in inputs], overwrite, what)
+        _check_existing(out, inputs, what)
+        _check_replaced(out, overwrite, foreign)
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise FileError(f"cannot write {out}: no permission to write into the folder {target.parent.resolve()}")
 
 
 def refuse_pattern(out: Path, what: str) -> None:
     """Refuse a name that is a pattern for many, unless it is there."""
-    if not out.exists() and _PATTERN.search(out.name if out.parent.is_dir() else str(out)):
+    if is_pattern(out):
         raise InvalidParameter(f"{what} is {out}, allowed: the name of one file or folder, without * ? or [a-z]")
 
 
-def _check_existing(out: Path, inputs: Sequence[Path], overwrite: bool, what: str) -> None:
+def is_pattern(path: Path) -> bool:
+    """Whether a path that is not there looks like a pattern for many."""
+    within = _exists(path.parent)
+    return not _exists(path) and _PATTERN.search(path.name if within else str(path)) is not None
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name that is too long
+        return False
+
+
+def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool) -> str | None:
+    found = foreign(out, inputs)
+    if found is None and overwrite and is_like_inputs(out, inputs):
+        return "labelled as the inputs beside it are, and may be one of them"
+    return found
+
+
+def _check_existing(out: Path, inputs: Sequence[Path], what: str) -> None:
     if out.is_dir():
         raise FileError(f"cannot write {out}: it is a folder")
     if not out.is_file():
@@ -77,14 +104,17 @@ def _check_existing(out: Path, inputs: Sequence[Path], overwrite: bool, what: st
     for path in inputs:
         if path.exists() and out.samefile(path):
             raise InvalidParameter(f"{what} {out} is the input {path}; give the {what} another name")
+
+
+def _check_replaced(out: Path, overwrite: bool, foreign: Callable[[Path], str | None]) -> None:
     try:
-        found = foreign(out, inputs)
-        if found is None and overwrite and is_like_inputs(out, inputs):
-            found = "labelled as the inputs beside it are, and may be one of them"
+        found = foreign(out)
     except OSError as error:
         raise FileError(f"cannot write {out}: what is there cannot be read ({error.strerror})") from error
     if found is not None:
-        raise OutputExists(f"{out} exists already and is {found}; give OUT another name, or remove that file first")
+        raise OutputExists(
+            f"{out} exists already and is {found}; is OUT missing? Give it, or another name, or remove that file"
+        )
     if not overwrite:
         raise OutputExists(f"{out} exists already; give another name, or overwrite=True (--overwrite)")
     if not out.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(out, os.W_OK):

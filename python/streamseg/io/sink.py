@@ -37,6 +37,7 @@ def write_labelled(
     labels: LabelSource,
     *,
     overwrite: bool = False,
+    expected: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Read the cloud once more and write its points with their segment ids, in the same order.
@@ -61,7 +62,9 @@ def write_labelled(
     out : Path or str
     labels : LabelSource
     overwrite : bool
-        Whether an existing `out` may be replaced.
+        Whether an existing `out` may be replaced; see `check_output`.
+    expected : int, optional
+        How many points `labels` has reached. Nothing is written if the cloud does not have all of them.
     progress : callable, optional
         Called with the number of points done so far.
 
@@ -80,7 +83,7 @@ def write_labelled(
     out = Path(out)
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out.suffix.lower())
-    done = written = 0
+    done = written = labelled = 0
     with replacing(out, overwrite=overwrite) as file:
         sink.begin(file)
         for count, block in sink.blocks():
@@ -90,12 +93,19 @@ def write_labelled(
                     f"labels of points {done} to {done + count} have shapes {ids.shape} and {reached.shape}, "
                     f"expected ({count},)"
                 )
+            labelled += int(np.count_nonzero(reached))
             written += sink.append(block, ids, reached)
             done += count
             if progress is not None:
                 progress(done)
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
+        if expected is not None and labelled != expected:
+            damage = f" ({cloud.damage})" if cloud.damage else ""
+            raise InvalidInput(
+                f"{labelled:,} points of {cloud.paths[0]} have labels, of {expected:,} that there are{damage}; "
+                f"give the input that they were made from; {out} is not written"
+            )
         sink.finish()
     return written
 
