@@ -241,6 +241,7 @@ class History:
         FileError, InvalidInput
             If the history is damaged; before anything is yielded.
         """
+        self._check_windows()
         replay = Replay(self.manifest["segment_ids"], late_joins=self.manifest["late_joins"] > 0)
         settlement = Settlement(with_points=False)
         points, is_whole = self.manifest["points"], self.manifest["complete"]
@@ -248,11 +249,29 @@ class History:
             for index, part in enumerate(self.parts()):
                 told.add(part.point_ids)
                 carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.seedless, part.raw_ids)
-                settlement.keep_ids(index, part.point_ids, carried, position)
+                if len(part.point_ids):
+                    settlement.keep_ids(index, part.point_ids, carried, position)
         self._check_count("points", told.points)
         self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
+
+    def _check_windows(self) -> None:
+        """Refuse segment ids that no window can have given: memory is taken for all of them."""
+        windows = segment_ids = 0
+        most = self.manifest["points"] if self.manifest["complete"] else np.iinfo(np.int64).max
+        for part in range(self.manifest["parts"]):
+            for batch in read_part(self.folder, "window", part):
+                rows = dict(zip(COLUMNS["window"], batch, strict=True))
+                windows += len(rows["window"])
+                points, segments = rows["points"], rows["segments"]
+                if ((segments < 0) | (segments > points) | (points > most)).any():
+                    raise InvalidInput(
+                        f"the history is damaged: a window in {self.folder} has more segments or points than can be"
+                    )
+                segment_ids += int(segments.sum())
+        self._check_count("windows", windows)
+        self._check_count("segment_ids", segment_ids)
 
     def _check_count(self, of: str, rows: int) -> None:
         if rows != self.manifest[of]:

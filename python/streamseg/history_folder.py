@@ -57,7 +57,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise InvalidInput(f"{path} is damaged: it is no manifest of a history")
     version = manifest.get("version")
-    if type(version) is not int or version != FORMAT_VERSION:
+    if type(version) is not int:
+        raise InvalidInput(f"{path} is damaged: version is {shown(version)}, expected a number")
+    if version != FORMAT_VERSION:
         raise InvalidInput(f"{folder} has format version {shown(version)}, this version reads {FORMAT_VERSION}")
     if not isinstance(manifest.get("parameters"), dict):
         raise InvalidInput(f"{path} is damaged: it has no parameters")
