@@ -208,26 +208,28 @@ def test_pipes_and_devices_are_no_outputs(tmp_path: Path) -> None:
         check_output("/dev/stdout", [], overwrite=True)
 
 
+def write_while(out: Path, happens: Callable[[], object], *, overwrite: bool = True) -> None:
+    """Write an output; something happens before it is whole."""
+    with replacing(out, overwrite=overwrite) as file:
+        file.write(b"late")
+        happens()
+
+
 def test_a_folder_that_vanishes_is_told(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(ss.FileError, match=r"^cannot write .*out\.las: "), replacing(folder / "out.las") as file:
-        file.write(b"LASF")
-        shutil.rmtree(folder)
-    with pytest.raises(ss.FileError, match=r"^cannot write .*out\.las: "), replacing(folder / "out.las"):
-        pass
+    for _ in range(2):  # while it is written, and before
+        with pytest.raises(ss.FileError, match=r"^cannot write .*out\.las: "):
+            write_while(folder / "out.las", lambda: shutil.rmtree(folder))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_has_come_to_the_name_in_between_is_not_replaced_unasked(tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    with pytest.raises(ss.OutputExists, match="since this run began"), replacing(out, overwrite=False) as file:
-        file.write(b"late")
-        out.write_bytes(b"early")
+    with pytest.raises(ss.OutputExists, match="since this run began"):
+        write_while(out, lambda: out.write_bytes(b"early"), overwrite=False)
     assert out.read_bytes() == b"early"
-    with replacing(out) as file:
-        file.write(b"late")
-        out.write_bytes(b"early")
+    write_while(out, lambda: out.write_bytes(b"early"))
     assert out.read_bytes() == b"late"
     with replacing(tmp_path / "new.csv", overwrite=False) as file:
         file.write(b"new")

@@ -252,6 +252,9 @@ class History:
                 if len(part.point_ids):
                     settlement.keep_ids(index, part.point_ids, carried, position)
         self._check_count("points", told.points)
+        if not points:
+            # Even then something comes, to be put together with nothing.
+            settlement.keep_ids(0, _NONE, *replay.part(_NONE, _NONE, _NONE, _NONE))
         self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids

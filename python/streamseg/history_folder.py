@@ -152,9 +152,9 @@ def _foreign(folder: Path) -> Iterator[Path]:
         if place.is_symlink() or (place.exists() and not place.is_dir()):
             yield place
         elif place.is_dir():
-            for entry in os.scandir(place):
-                if not _PART.fullmatch(entry.name) or not entry.is_file(follow_symlinks=False):
-                    yield Path(entry.path)
+            for path in sorted(place.iterdir()):
+                if not _PART.fullmatch(path.name) or path.is_symlink() or not path.is_file():
+                    yield path
     for name in (MANIFEST, UNFINISHED_MANIFEST, _LOCK):
         place = folder / name
         if place.is_symlink() or (place.exists() and not place.is_file()):
@@ -165,7 +165,7 @@ def _parts(folder: Path) -> Iterator[Path]:
     for table in COLUMNS:
         place = folder / table
         if place.is_dir() and not place.is_symlink():
-            yield from (Path(entry.path) for entry in os.scandir(place) if _PART.fullmatch(entry.name))
+            yield from (path for path in sorted(place.iterdir()) if _PART.fullmatch(path.name))
 
 
 def take(folder: Path) -> Claim:
@@ -225,7 +225,7 @@ def clear(folder: Path) -> None:
     """Delete what a history consists of, the manifest first; anything else stays."""
     for name in (MANIFEST, UNFINISHED_MANIFEST):
         (folder / name).unlink(missing_ok=True)
-    for part in list(_parts(folder)):
+    for part in _parts(folder):
         part.unlink()
 
 
