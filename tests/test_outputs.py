@@ -55,7 +55,7 @@ def test_the_last_of_the_inputs_taken_for_the_output_survives(tmp_path: Path, su
     paths = [WRITERS[suffix](tmp_path / f"{name}{suffix}") for name in "abc"]
     before = paths[-1].read_bytes()
     for overwrite in (False, True):
-        with pytest.raises(ss.OutputExists, match="streamseg has not written; is OUT missing"):
+        with pytest.raises(ss.OutputExists, match=r"streamseg has not written \(is OUT missing"):
             ss.segment_file(paths[:-1], paths[-1], NEAR, overwrite=overwrite)
         assert paths[-1].read_bytes() == before
 

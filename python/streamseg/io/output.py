@@ -92,7 +92,9 @@ def _exists(path: Path) -> bool:
 def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool) -> str | None:
     found = foreign(out, inputs)
     if found is None and overwrite and is_like_inputs(out, inputs):
-        return "labelled as the inputs beside it are, and may be one of them"
+        found = "labelled as the inputs beside it are"
+    if found is not None and any(path.suffix.lower() == out.suffix.lower() for path in inputs):
+        return f"{found} (is OUT missing?)"
     return found
 
 
@@ -112,9 +114,7 @@ def _check_replaced(out: Path, overwrite: bool, foreign: Callable[[Path], str | 
     except OSError as error:
         raise FileError(f"cannot write {out}: what is there cannot be read ({error.strerror})") from error
     if found is not None:
-        raise OutputExists(
-            f"{out} exists already and is {found}; is OUT missing? Give it, or another name, or remove that file"
-        )
+        raise OutputExists(f"{out} exists already and is {found}; give another name, or remove that file first")
     if not overwrite:
         raise OutputExists(f"{out} exists already; give another name, or overwrite=True (--overwrite)")
     if not out.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(out, os.W_OK):
