@@ -7,9 +7,11 @@ from pathlib import Path
 
 from . import scenes
 from ._core import Proximity, SpanByWidth
-from .errors import FileError, OutputExists
+from .errors import FileError, OutputExists, StreamsegError
 from .files import segment_file
-from .preview import preview
+from .history_folder import check_free, read_manifest
+from .io.output import check_output, refuse_pattern
+from .preview import check_preview, preview
 from .progress import ProgressBars
 
 _DISTANCE = 1.0
@@ -18,15 +20,19 @@ _SPAN_WIDTH = 25.0
 
 def run(folder: Path, points: int, seed: int) -> Iterator[str]:
     """Make and segment a scene; yields a sentence on everything that is left in the folder."""
+    refuse_pattern(folder, "folder")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(exist_ok=True)
     except OSError as error:
         raise FileError(f"{folder} cannot be made: {error.strerror}") from error
     labelled, history, picture = folder / "labelled.laz", folder / "strip.history", folder / "labelled.png"
     for path in (folder / "strip.laz", labelled, picture):
         # What an earlier demonstration left may be replaced; the history is its mark.
-        if path.exists() and not history.exists():
+        if path.exists() and not _is_history(history):
             raise OutputExists(f"{path} exists and is not of an earlier demonstration; give another folder")
+    check_free(history, overwrite=True)
+    check_output(labelled, [], overwrite=True)
+    check_preview(picture, overwrite=True)
     scene = scenes.write(folder / "strip.laz", "airborne", points, seed)
     with ProgressBars() as bars:
         outcome = segment_file(
@@ -47,3 +53,11 @@ def run(folder: Path, points: int, seed: int) -> Iterator[str]:
     yield f"  with segment ids        {labelled}"
     yield f"  the whole story         {history}"
     yield f"  to look at              {picture}"
+
+
+def _is_history(folder: Path) -> bool:
+    try:
+        read_manifest(folder)
+    except StreamsegError:
+        return False
+    return True

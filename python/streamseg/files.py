@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +15,7 @@ from .certificate import Certificate
 from .cutting import Spans
 from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
+from .history_folder import discard
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .plan import MaxMemory, Stages
 from .run import stream
@@ -152,7 +152,7 @@ def segment_file(
         progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
             if is_new_history and isinstance(failure, InvalidInput):
-                shutil.rmtree(str(history), ignore_errors=True)
+                discard(Path(str(history)))
             raise failure
         with interrupt.deferred():
             on_written = callback("on_write", on_write)
@@ -312,7 +312,15 @@ def resolve_file(
         for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
         on_written = callback("on_write", on_write)
-        return write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_written)
+        return write_labelled(
+            cloud,
+            output,
+            labels,
+            overwrite=overwrite,
+            id_name=id_name,
+            expected=past.manifest["points"],
+            progress=on_written,
+        )
 
 
 def _check_origin(past: History, cloud: Cloud) -> None:

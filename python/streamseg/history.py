@@ -3,125 +3,128 @@
 ``manifest.json`` says what was done. ``point_segment/`` holds the raw segment id of every point, ``segment_segment/``
 every successor of every segment, ``window/`` the windows, ``alias/`` the late joins of a run that carried ids, and
 ``seedless/`` the segments that hold no seed, where seeds were asked for. All are Parquet, in parts with equal numbers:
-what went out of scope together is in parts of the same number.
+what went out of scope together is in parts of the same number. Only a span with more points than a part holds takes
+several parts: its points first, then what is told of segments.
 """
 
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Iterator
+from contextlib import ExitStack, closing, suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ._core import Replay, Settlement
-from .errors import FileError, InvalidInput, InvalidParameter, MissingExtra, OutputExists
+from .errors import FileError, InvalidInput, InvalidParameter
+from .history_folder import (
+    COUNTS,
+    FORMAT,
+    FORMAT_VERSION,
+    MANIFEST,
+    UNFINISHED_MANIFEST,
+    check_free,
+    prepare,
+    read_manifest,
+    shown,
+)
+from .history_tables import COLUMNS, Ids, Told, parquet, read_part, record_batches, write_part
+from .io.output import check_file, refuse_pattern, replacing
 
 if TYPE_CHECKING:
-    import pyarrow
-
     from ._core import Span as CoreSpan
 
-FORMAT_VERSION = 1
-MANIFEST = "manifest.json"
+__all__ = ["MANIFEST", "History", "HistoryWriter", "Part", "check_free"]
 
-_COLUMNS = {
-    "point_segment": ("point_id", "segment_id", "span"),
-    "segment_segment": ("segment_id", "next_segment_id", "window", "shared_points"),
-    "window": (
-        *("window", "first_span", "spans", "points", "first_segment_id", "segments"),
-        *("decided_edges", "waiting_edges", "decided_points", "waiting_points"),
-        *("returned_points", "early_decisions"),
-    ),
-    "alias": ("segment_id", "becomes", "span"),
-    "seedless": ("segment_id", "span"),
-}
-
-# Counts beyond this are damage.
-_MOST = 2**53
-
-# Rows of the point-segment table in a part. A run that is killed loses the part under way, no more.
+# Rows in a part. A run that is killed loses the part under way, no more.
 _ROWS_PER_PART = 1_000_000
 
+# What is told of points comes before what is told of their segments.
+_TABLES_IN_ORDER = ("point_segment", "seedless", "segment_segment", "window", "alias")
 
-def _parquet() -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise MissingExtra("a history is kept as Parquet; install it with: pip install 'streamseg[history]'") from None
-    return pyarrow.parquet
+_NONE = np.empty(0, np.int64)
 
 
 class HistoryWriter:
-    """Writes a history while a stream runs."""
+    """Writes a history while a stream runs, as the only one that writes in its folder."""
 
     def __init__(
         self, folder: Path, *, source: str, parameters: dict[str, Any], promise: str, overwrite: bool = False
     ) -> None:
-        self._parquet = _parquet()
         self._folder = folder
-        check_free(folder, overwrite)
-        _prepare(folder)
-        self._waiting: dict[str, list[NDArray[np.int64]]] = {table: [] for table in _COLUMNS}
+        self._held = prepare(folder, overwrite)
+        # Columns of the rows of each table.
+        self._waiting: dict[str, list[list[Ids]]] = {table: [] for table in COLUMNS}
         self._waiting_rows = 0
         self._next_span = 0
         self._manifest: dict[str, Any] = {
-            "format": "streamseg history",
+            "format": FORMAT,
             "version": FORMAT_VERSION,
             "source": source,
             "parameters": parameters,
             "promise": promise,
             "complete": False,
-            "points": 0,
-            "spans": 0,
-            "windows": 0,
-            "segment_ids": 0,
-            "late_joins": 0,
-            "parts": 0,
+            **dict.fromkeys(COUNTS, 0),
         }
         self._write_manifest(self._manifest)
 
     def write(self, span: CoreSpan, *, with_aliases: bool) -> None:
         """Take in a span that went out of scope. A span is taken in once, however often it is given."""
+        if not self._held.is_ours:
+            raise FileError(f"the history {self._folder} is written by the process that this one was forked from")
         if span.index >= self._next_span:
-            spans = np.full(len(span.point_ids), span.index, np.int64)
-            self._waiting["point_segment"].append(np.column_stack([span.point_ids, span.raw_ids, spans]))
-            self._waiting["segment_segment"].append(span.segments)
-            self._waiting["window"].append(span.windows)
-            self._manifest["late_joins"] += span.late_joins
+            self._wait("point_segment", span.point_ids, span.raw_ids, span.index)
+            self._wait("segment_segment", *span.segments.T)
+            self._wait("window", *span.windows.T)
+            self._wait("seedless", span.seedless, span.index)
             if with_aliases:
-                told = np.full(len(span.aliases), span.index, np.int64)
-                self._waiting["alias"].append(np.column_stack([span.aliases, told]))
-            told = np.full(len(span.seedless), span.index, np.int64)
-            self._waiting["seedless"].append(np.column_stack([span.seedless, told]))
+                self._wait("alias", *span.aliases.T, span.index)
+            self._manifest["late_joins"] += span.late_joins
             # A span without points is a row of its own: there may be any number of them.
-            self._waiting_rows += 1 + len(spans) + len(span.segments)
+            self._waiting_rows += 1
             self._next_span = span.index + 1
-        if self._waiting_rows >= _ROWS_PER_PART:
+        while self._waiting_rows >= _ROWS_PER_PART:
             self._write_part(complete=False)
 
     def close(
         self, *, complete: bool, certificate: dict[str, int] | None = None, digests: list[str] | None = None
     ) -> None:
-        """Write what waits and the manifest, with what the run could prove, and which points the files had."""
+        """Write what waits and the manifest, with what the run could prove, and which points the files had.
+
+        In a forked child it does nothing.
+        """
+        if not self._held.is_ours:
+            return
         if digests is not None:
             self._manifest["digests"] = digests
         if certificate is not None:
             self._manifest["certificate"] = certificate
+        while self._waiting_rows >= 2 * _ROWS_PER_PART:
+            self._write_part(complete=False)
         self._write_part(complete=complete)
+        self._held.release()
+
+    def _wait(self, table: str, *columns: Ids | int) -> None:
+        rows = np.broadcast_arrays(*columns)
+        if len(rows[0]):
+            self._waiting[table].append(list(rows))
+            self._waiting_rows += len(rows[0])
 
     def _write_part(self, *, complete: bool) -> None:
         """Write what waits as one part; it counts, and waits no more, when all of it is on disk."""
         part = self._manifest["parts"]
-        tables = {
-            table: np.concatenate([np.empty((0, len(columns)), np.int64), *self._waiting[table]])
-            for table, columns in _COLUMNS.items()
-        }
-        for table, rows in tables.items():
-            self._write_rows(table, part, rows)
+        # What goes out of scope together stays together, unless it alone is more than a part should hold.
+        room = _ROWS_PER_PART if self._waiting_rows >= 2 * _ROWS_PER_PART else self._waiting_rows
+        tables, waiting = _divided(self._waiting, room)
+        try:
+            for table, rows in tables.items():
+                write_part(self._folder, table, part, rows)
+        except OSError as error:
+            self._held.release()
+            raise FileError(f"the history {self._folder} cannot be written: {error}") from error
         manifest = {
             **self._manifest,
             "complete": complete,
@@ -131,72 +134,53 @@ class HistoryWriter:
             "parts": part + 1,
         }
         if len(tables["window"]):
-            last = dict(zip(_COLUMNS["window"], tables["window"][-1].tolist(), strict=True))
+            last = dict(zip(COLUMNS["window"], tables["window"][-1].tolist(), strict=True))
             manifest["segment_ids"] = last["first_segment_id"] + last["segments"] - 1
         self._write_manifest(manifest)
         self._manifest = manifest
-        self._waiting = {table: [] for table in _COLUMNS}
-        self._waiting_rows = 0
-
-    def _write_rows(self, table: str, part: int, rows: NDArray[np.int64]) -> None:
-        import pyarrow
-
-        path, columns = self._folder / table / f"part-{part:06}.parquet", _COLUMNS[table]
-        arrays = {name: np.ascontiguousarray(rows[:, i]) for i, name in enumerate(columns)}
-        try:
-            # Ids of neighbouring rows differ little: deltas are smaller, and faster to write, than anything else.
-            self._parquet.write_table(
-                pyarrow.table(arrays),
-                path,
-                compression="zstd",
-                use_dictionary=False,
-                column_encoding=dict.fromkeys(columns, "DELTA_BINARY_PACKED"),
-            )
-        except OSError as error:
-            raise FileError(f"the history {self._folder} cannot be written: {error}") from error
+        self._waiting = waiting
+        self._waiting_rows = sum(len(rows[0]) for table in waiting.values() for rows in table)
 
     def _write_manifest(self, manifest: dict[str, Any]) -> None:
-        path = self._folder / MANIFEST
+        unfinished = self._folder / UNFINISHED_MANIFEST
         try:
-            path.with_suffix(".part").write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
-            path.with_suffix(".part").replace(path)
+            unfinished.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+            unfinished.replace(self._folder / MANIFEST)
         except OSError as error:
+            self._held.release()
             raise FileError(f"the history {self._folder} cannot be written: {error}") from error
 
 
-def check_free(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that is something else, or a history that is not to be replaced; and any without pyarrow."""
-    _parquet()
-    try:
-        is_history = (folder / MANIFEST).is_file()
-        if not is_history and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise OutputExists(f"{folder} exists and is no history; give another folder for the history")
-        if is_history and not overwrite:
-            raise OutputExists(f"the history {folder} exists; give another folder, or overwrite=True (--overwrite)")
-    except OutputExists:
-        raise
-    except OSError as error:
-        raise FileError(f"the history {folder} cannot be made: {error.strerror}") from error
-
-
-def _prepare(folder: Path) -> None:
-    """Make the folders, empty."""
-    try:
-        for table in _COLUMNS:
-            shutil.rmtree(folder / table, ignore_errors=True)
-            (folder / table).mkdir(parents=True)
-    except OSError as error:
-        raise FileError(f"the history {folder} cannot be made: {error.strerror}") from error
+def _divided(waiting: dict[str, list[list[Ids]]], room: int) -> tuple[dict[str, Ids], dict[str, list[list[Ids]]]]:
+    """Divide rows that wait into those of a part, with room for so many, and those that wait on."""
+    part: dict[str, Ids] = {}
+    rest: dict[str, list[list[Ids]]] = {}
+    for table in _TABLES_IN_ORDER:
+        taken: list[Ids] = [np.empty((0, len(COLUMNS[table])), np.int64)]
+        rest[table] = []
+        for columns in waiting[table]:
+            stop = min(room, len(columns[0]))
+            if table == "segment_segment" and 0 < stop < len(columns[0]):
+                # All that is told of a segment is in one part.
+                others = np.flatnonzero(columns[0][stop:] != columns[0][stop - 1])
+                stop = stop + int(others[0]) if len(others) else len(columns[0])
+            if stop:
+                taken.append(np.column_stack([column[:stop] for column in columns]))
+            if stop < len(columns[0]):
+                rest[table].append([column[stop:] for column in columns])
+            room = max(0, room - stop)
+        part[table] = np.concatenate(taken)
+    return part, rest
 
 
 class Part(NamedTuple):
-    """What went out of scope together."""
+    """A piece of what went out of scope together."""
 
-    point_ids: NDArray[np.int64]
-    raw_ids: NDArray[np.int64]
-    segment_ids: NDArray[np.int64]
-    next_segment_ids: NDArray[np.int64]
-    seedless: NDArray[np.int64]
+    point_ids: Ids
+    raw_ids: Ids
+    segment_ids: Ids
+    next_segment_ids: Ids
+    seedless: Ids
 
 
 class History:
@@ -226,39 +210,22 @@ class History:
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
-        path = self.folder / MANIFEST
-        try:
-            text = path.read_bytes()
-        except OSError:
-            raise FileError(f"{self.folder} is no history: it has no {MANIFEST}") from None
-        try:
-            manifest = json.loads(text)
-            version = manifest["version"]
-        except (ValueError, KeyError, TypeError):
-            raise InvalidInput(f"{path} is damaged: it is no manifest of a history") from None
-        if version != FORMAT_VERSION:
-            raise InvalidInput(f"{self.folder} has format version {version}, this version reads {FORMAT_VERSION}")
-        if not isinstance(manifest.get("parameters"), dict):
-            raise InvalidInput(f"{path} is damaged: it has no parameters")
-        for count in ("points", "spans", "windows", "segment_ids", "late_joins", "parts"):
-            if not isinstance(manifest.get(count), int) or not 0 <= manifest[count] < _MOST:
-                raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
-        self.manifest: dict[str, Any] = manifest
+        self.manifest: dict[str, Any] = read_manifest(self.folder)
 
     def parts(self) -> Iterator[Part]:
-        """Read the history part by part, in the order in which it was written."""
-        for part in range(self.manifest["parts"]):
-            points = self._read("point_segment", part)
-            segments = self._read("segment_segment", part)
-            yield Part(
-                points["point_id"],
-                points["segment_id"],
-                segments["segment_id"],
-                segments["next_segment_id"],
-                self._read("seedless", part)["segment_id"],
-            )
+        """Read the history in the order in which it was written, in pieces of bounded size.
 
-    def resolve(self, *, limits: bool = True) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        What is told of the points of a part comes first, then what is told of their segments.
+        """
+        for part in range(self.manifest["parts"]):
+            for point_ids, raw_ids in read_part(self.folder, "point_segment", part, 2):
+                yield Part(point_ids, raw_ids, _NONE, _NONE, _NONE)
+            for (seedless,) in read_part(self.folder, "seedless", part, 1):
+                yield Part(_NONE, _NONE, _NONE, _NONE, seedless)
+            for segment_ids, next_segment_ids in _by_segment(read_part(self.folder, "segment_segment", part, 2)):
+                yield Part(_NONE, _NONE, segment_ids, next_segment_ids, _NONE)
+
+    def resolve(self, *, limits: bool = True) -> Iterator[tuple[Ids, Ids]]:
         """Turn the raw ids of all points into final ids, in bounded memory.
 
         Two sweeps: forwards, ids are carried as the segments' successors are told, and points are counted; backwards,
@@ -281,21 +248,47 @@ class History:
         FileError, InvalidInput
             If the history is damaged; before anything is yielded.
         """
+        self._check_windows()
         replay = Replay(self.manifest["segment_ids"], late_joins=self.manifest["late_joins"] > 0)
         settlement = Settlement(with_points=False)
-        points = 0
-        for index, part in enumerate(self.parts()):
-            points += len(part.point_ids)
-            carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.seedless, part.raw_ids)
-            settlement.keep_ids(index, part.point_ids, carried, position)
-        if points != self.manifest["points"]:
-            raise InvalidInput(
-                f"the history is damaged: the parts in {self.folder} hold {points:,} points, "
-                f"the manifest says {self.manifest['points']:,}"
-            )
+        points, is_whole = self.manifest["points"], self.manifest["complete"]
+        with closing(Told(self.folder, points, is_whole)) as told:
+            for index, part in enumerate(self.parts()):
+                told.add(part.point_ids)
+                carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.seedless, part.raw_ids)
+                if len(part.point_ids):
+                    settlement.keep_ids(index, part.point_ids, carried, position)
+        self._check_count("points", told.points)
+        if not points:
+            # Even then something comes, to be put together with nothing.
+            settlement.keep_ids(0, _NONE, *replay.part(_NONE, _NONE, _NONE, _NONE))
         self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
+
+    def _check_windows(self) -> None:
+        """Refuse segment ids that no window can have given: memory is taken for all of them."""
+        windows = segment_ids = 0
+        most = self.manifest["points"] if self.manifest["complete"] else np.iinfo(np.int64).max
+        for part in range(self.manifest["parts"]):
+            for batch in read_part(self.folder, "window", part):
+                rows = dict(zip(COLUMNS["window"], batch, strict=True))
+                windows += len(rows["window"])
+                points, segments = rows["points"], rows["segments"]
+                if ((segments < 0) | (segments > points) | (points > most)).any():
+                    raise InvalidInput(
+                        f"the history is damaged: a window in {self.folder} has more segments or points than can be"
+                    )
+                segment_ids += int(segments.sum())
+        self._check_count("windows", windows)
+        self._check_count("segment_ids", segment_ids)
+
+    def _check_count(self, of: str, rows: int) -> None:
+        if rows != self.manifest[of]:
+            raise InvalidInput(
+                f"the history is damaged: the parts in {self.folder} hold {rows:,} {of}, "
+                f"the manifest says {self.manifest[of]:,}"
+            )
 
     def _settle(self, replay: Replay, settlement: Settlement, limits: bool) -> None:
         if not limits:
@@ -307,43 +300,69 @@ class History:
         try:
             replay.settle(settlement, kept)
         except (TypeError, OverflowError, InvalidParameter) as error:
-            raise InvalidInput(f"{self.folder / MANIFEST} is damaged: its limits of size are {kept}") from error
+            path = self.folder / MANIFEST
+            raise InvalidInput(f"{path} is damaged: its limits of size are {shown(kept)}") from error
 
     def to_csv(self, folder: str | Path, *, overwrite: bool = False) -> list[Path]:
-        """Write each table as one CSV file with a header line; returns the files."""
-        _parquet()
+        """Write each table as one CSV file with a header line; returns the files.
+
+        They appear when all of them are written. The folder is made; the folder it is in must be there.
+        """
+        parquet()
+        folder = Path(folder)
+        refuse_pattern(folder, "folder")
+        is_new = not folder.exists()
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{folder} cannot be made: {error.strerror}") from error
+        paths = {table: folder / f"{table}.csv" for table in COLUMNS}
+        try:
+            for table, path in paths.items():
+                check_file(path, [], overwrite, "table", partial(_foreign_csv, table=table))
+            with ExitStack() as files:
+                for table, path in paths.items():
+                    self._write_csv(table, files.enter_context(replacing(path, overwrite=overwrite)))
+        except BaseException:
+            if is_new:
+                with suppress(OSError):
+                    folder.rmdir()
+            raise
+        return list(paths.values())
+
+    def _write_csv(self, table: str, file: BinaryIO) -> None:
         import pyarrow.csv
 
-        written = []
-        for table in _COLUMNS:
-            path = Path(folder) / f"{table}.csv"
-            if path.exists() and not overwrite:
-                raise OutputExists(f"{path} exists; give another folder, or overwrite=True (--overwrite)")
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                with pyarrow.csv.CSVWriter(path, self._schema(table)) as writer:
-                    for part in range(self.manifest["parts"]):
-                        writer.write(self._table(table, part))
-            except OSError as error:
-                raise FileError(f"{path} cannot be written: {error}") from error
-            written.append(path)
-        return written
+        file.write(_csv_header(table))
+        written = 0
+        for part in range(self.manifest["parts"]):
+            for batch in record_batches(self.folder, table, part):
+                lines = pyarrow.BufferOutputStream()
+                pyarrow.csv.write_csv(batch, lines, pyarrow.csv.WriteOptions(include_header=False))
+                file.write(lines.getvalue())
+                written += len(batch)
+        if (of := {"point_segment": "points", "window": "windows"}.get(table)) is not None:
+            self._check_count(of, written)
 
-    def _schema(self, table: str) -> pyarrow.Schema:
-        import pyarrow
 
-        return pyarrow.schema([(name, pyarrow.int64()) for name in _COLUMNS[table]])
+def _csv_header(table: str) -> bytes:
+    return (",".join(f'"{name}"' for name in COLUMNS[table]) + "\n").encode()
 
-    def _table(self, table: str, part: int) -> pyarrow.Table:
-        parquet = _parquet()
-        import pyarrow
 
-        path = self.folder / table / f"part-{part:06}.parquet"
-        try:
-            return parquet.read_table(path).select(_COLUMNS[table]).cast(self._schema(table))
-        except (OSError, KeyError, pyarrow.ArrowException) as error:
-            raise FileError(f"{path} cannot be read, the history is damaged: {error}") from error
+def _foreign_csv(path: Path, table: str) -> str | None:
+    """Say what a file is that is not this table; None if it may be replaced."""
+    header = _csv_header(table)
+    with open(path, "rb") as file:
+        return None if file.read(len(header)) in (header, b"") else "no table of a history"
 
-    def _read(self, table: str, part: int) -> dict[str, NDArray[np.int64]]:
-        rows = self._table(table, part)
-        return {name: rows[name].to_numpy() for name in _COLUMNS[table]}
+
+def _by_segment(batches: Iterator[list[Ids]]) -> Iterator[list[Ids]]:
+    """Keep rows of one segment together: a segment is forgotten when it has been told of."""
+    held = [_NONE, _NONE]
+    for batch in batches:
+        rows = [np.concatenate(columns) for columns in zip(held, batch, strict=True)]
+        others = np.flatnonzero(rows[0] != rows[0][-1])
+        stop = int(others[-1]) + 1 if len(others) else 0
+        yield [column[:stop] for column in rows]
+        held = [column[stop:] for column in rows]
+    yield held

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from .errors import FileError, InvalidParameter, MissingExtra, OutputExists
+from .errors import InvalidParameter, MissingExtra
 from .io import open_cloud
+from .io.earlier import no_picture
+from .io.output import check_file, replacing
 from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
 
 if TYPE_CHECKING:
@@ -68,12 +70,9 @@ def check_preview(out_png: Path | str, overwrite: bool, others: Sequence[Path | 
     out_png = Path(out_png)
     if out_png.suffix.lower() != ".png":
         raise InvalidParameter(f"picture {out_png} ends in {out_png.suffix!r}, must end in .png")
-    if not out_png.parent.is_dir():
-        raise FileError(f"cannot write {out_png}: the folder {out_png.parent} does not exist")
     if any(out_png.resolve() == Path(other).resolve() for other in others):
         raise InvalidParameter(f"picture {out_png} is also the name of a cloud; give the picture another name")
-    if out_png.exists() and not overwrite:
-        raise OutputExists(f"{out_png} exists; give another name, or overwrite=True (--overwrite)")
+    check_file(out_png, [], overwrite, "picture", no_picture)
 
 
 def preview(
@@ -132,10 +131,8 @@ def preview(
     counts = dict(sorted(sizes.items(), key=lambda item: (-item[1], item[0])))
     result = Preview(found.points, counts, none, raster.outside, colors)
     image = _Page(raster, result, labelled, size).draw(shade)
-    try:
-        image.save(out_png, "PNG", optimize=True)
-    except OSError as error:
-        raise FileError(f"cannot write {out_png}: {error.strerror or error}") from error
+    with replacing(out_png, overwrite=overwrite) as file:
+        image.save(file, "PNG", optimize=True)
     return result
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ._core import Scene
 from .errors import MissingExtra
 from .io.laz_threads import can_compress_in_threads
+from .io.output import replacing
 from .source import PathLike
 
 Kind = Literal["airborne", "street"]
@@ -75,7 +76,7 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
     Parameters
     ----------
     path : path
-        Ends in ``.las`` or ``.laz``; replaced if it exists.
+        Ends in ``.las`` or ``.laz``; replaced if it exists, when the new one is whole.
     kind, points, seed
         As for `columns`.
 
@@ -102,8 +103,12 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
     header.generating_software = "streamseg"
     scene = Scene(kind, seed)
     path = Path(path)
+    is_compressed = path.suffix.lower() == ".laz"
     backend = laspy.LazBackend.LazrsParallel if can_compress_in_threads() else laspy.LazBackend.Lazrs
-    with laspy.open(path, mode="w", header=header, laz_backend=backend) as writer:
+    with (
+        replacing(path) as file,
+        laspy.LasWriter(file, header, do_compress=is_compressed, laz_backend=backend, closefd=False) as writer,
+    ):
         for start in range(0, points, _CHUNK):
             taken = scene.take(min(_CHUNK, points - start))
             position = taken.pop("position")

@@ -20,7 +20,7 @@ MOST = 1_000_000_000
 Inputs = Annotated[list[Path], typer.Argument(metavar="IN...", help="LAS, LAZ, .npy or text; several are one stream.")]
 Output = Annotated[Path, typer.Argument(metavar="OUT", help="The labelled cloud; LAS and LAZ get a SegmentID.")]
 IdName = Annotated[str | None, typer.Option(help="What the column of segment ids is called. [default: SegmentID]")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is already there.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what streamseg has written there.")]
 
 
 class InToOut(TyperCommand):

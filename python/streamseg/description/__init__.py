@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from ..history import MANIFEST, History
 from ..io import open_cloud
@@ -39,7 +40,16 @@ def describe(path: PathLike) -> Iterator[tuple[str, str]]:
 
 
 def _of_history(folder: Path) -> Iterator[tuple[str, str]]:
-    manifest = History(folder).manifest
+    for label, value in _of_manifest(History(folder).manifest):
+        yield _printable(label), _printable(str(value))
+
+
+def _printable(text: str) -> str:
+    """Escape what is no text, as names of files may be."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def _of_manifest(manifest: dict[str, Any]) -> Iterator[tuple[str, object]]:
     yield "history of", manifest["source"]
     parameters = dict(manifest["parameters"])
     least, most, sort = (parameters.pop(name, None) for name in ("min_segment_size", "max_segment_size", "sort"))

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import os
-import shutil
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from ..errors import StreamInUse
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 class Home:
@@ -37,12 +33,6 @@ class Home:
                 f"{self._what} belongs to process {self._process}; a forked process cannot go on with it, so start "
                 "anew there"
             )
-
-
-def remove_at_home(folder: Path, home: Home) -> None:
-    """Remove a folder, unless it is another process's."""
-    if home.is_here:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def abandon(file: BinaryIO) -> None:

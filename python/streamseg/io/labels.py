@@ -8,16 +8,16 @@ dense table.
 from __future__ import annotations
 
 import tempfile
-import weakref
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
-from .home import Home, remove_at_home
+from .claims import ScratchFolder
+from .home import Home
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import TracebackType
 
     from numpy.typing import ArrayLike, NDArray
@@ -54,7 +54,8 @@ class LabelSpool:
     Parameters
     ----------
     folder : Path or str, optional
-        Where to put the temporary files, 16 bytes per point; the system's temporary folder if not given.
+        Where to put the temporary files, 16 bytes per point; the system's temporary folder if not given. What
+        dead runs have left there is removed.
 
     Examples
     --------
@@ -67,11 +68,10 @@ class LabelSpool:
 
     def __init__(self, folder: Path | str | None = None) -> None:
         try:
-            self._folder = Path(tempfile.mkdtemp(prefix="streamseg-labels-", dir=folder))
+            self._folder = ScratchFolder(folder)
         except OSError as error:
             raise FileError(f"cannot make a temporary folder in {folder or tempfile.gettempdir()}: {error}") from error
         self._home = Home("this label spool")
-        self._remove = weakref.finalize(self, remove_at_home, self._folder, self._home)
         self._waiting: list[NDArray[np.int64]] = []
         self._waiting_pairs = 0
         self._dense: tuple[int, NDArray[np.int64], NDArray[np.bool_]] | None = None
@@ -141,7 +141,7 @@ class LabelSpool:
         """Remove the temporary files. Closing again does nothing."""
         self._is_open = False
         self._waiting, self._waiting_pairs, self._dense = [], 0, None
-        self._remove()
+        self._folder.remove()
 
     def __enter__(self) -> LabelSpool:
         return self
@@ -188,7 +188,7 @@ class LabelSpool:
         return ids, reached
 
     def _path(self, bucket: int) -> Path:
-        return self._folder / f"{bucket:08d}.pairs"
+        return self._folder.path / f"{bucket:08d}.pairs"
 
     def _require_open(self) -> None:
         self._home.check()

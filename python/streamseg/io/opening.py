@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO
@@ -12,6 +13,9 @@ from ..errors import FileError
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+# What a shell would have made names of: any * or ?, and brackets around a range.
+_PATTERN = re.compile(r"[*?]|\[[^\]/]*\w-\w[^\]/]*\]")
 
 _SPECIAL = {
     stat.S_IFIFO: "a pipe (FIFO)",
@@ -36,7 +40,8 @@ def require_file(path: Path) -> None:
     except FileNotFoundError:
         if path.is_symlink():
             raise FileError(f"{path} does not exist: it links to {os.readlink(path)}") from None
-        raise FileError(f"{path} does not exist") from None
+        hint = "; the shell makes names of a pattern, if it is not quoted" if is_pattern(path) else ""
+        raise FileError(f"{path} does not exist{hint}") from None
     except OSError as error:
         raise FileError(_unreadable(path, error)) from None
     if stat.S_ISDIR(mode):
@@ -47,6 +52,19 @@ def require_file(path: Path) -> None:
             f"{path} is no regular file but {kind}, and points are read more than once; "
             "save them in a file and give that"
         )
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether a path that is not there looks like a pattern for many."""
+    within = _exists(path.parent)
+    return not _exists(path) and _PATTERN.search(path.name if within else str(path)) is not None
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name that is too long
+        return False
 
 
 @contextmanager

@@ -1,19 +1,22 @@
-"""Files that appear complete or not at all."""
+"""Files that appear complete or not at all, and replace nothing but what they may."""
 
 from __future__ import annotations
 
 import os
+import stat
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
-from uuid import uuid4
 
 from ..errors import FileError, InvalidParameter, OutputExists
+from .claims import Claim, claim_part
+from .earlier import foreign, is_like_inputs
 from .home import Home, abandon
+from .opening import is_pattern
 from .text import SUFFIXES as TEXT_SUFFIXES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 # Readers take a file of such a name for a cloud-optimized one, with an octree.
 _COPC_SUFFIX = ".copc.laz"
@@ -31,16 +34,17 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     inputs : sequence of Path or str
         Files that must not be overwritten.
     overwrite : bool
-        Whether `out` may replace a file that is there.
+        Whether `out` may replace a file that is there. A cloud, array or text that streamseg has not written
+        is never replaced.
 
     Raises
     ------
     InvalidParameter
-        Unknown suffix, or `out` is one of the inputs.
+        Unknown suffix, a pattern, or `out` is one of the inputs.
     OutputExists
-        `out` is there and `overwrite` is False.
+        `out` is there, and `overwrite` is False or streamseg has not written it.
     FileError
-        The folder is missing or cannot be written to, or `out` is a folder.
+        The folder is missing or cannot be written to, or `out` is no file that can be written.
     """
     out = Path(out)
     if out.suffix.lower() not in OUTPUT_SUFFIXES:
@@ -48,34 +52,102 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     if out.name.lower().endswith(_COPC_SUFFIX):
         plain = out.name[: -len(_COPC_SUFFIX)] + out.suffix
         raise InvalidParameter(f"output {out} is called as COPC is, which is not written; name it {plain}")
-    if not out.parent.is_dir():
-        raise FileError(f"cannot write {out}: the folder {out.parent} does not exist")
+    paths = [Path(path) for path in inputs]
+    check_file(out, paths, overwrite, "output", lambda there: _foreign(there, paths, overwrite))
+
+
+def check_file(
+    out: Path, inputs: Sequence[Path], overwrite: bool, what: str, foreign: Callable[[Path], str | None]
+) -> None:
+    """Refuse to write a file of any kind; see `check_output`.
+
+    `what` names it in messages, and `foreign` says of one that is there what it is, if it must not be replaced.
+    """
+    refuse_pattern(out, what)
+    target = _target(out)
+    if not target.parent.is_dir():
+        raise FileError(f"cannot write {out}: the folder {target.parent} does not exist")
+    if target.exists():
+        _check_existing(out, inputs, what)
+        _check_replaced(out, overwrite, foreign)
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise FileError(f"cannot write {out}: no permission to write into the folder {target.parent.resolve()}")
+
+
+def refuse_pattern(out: Path, what: str) -> None:
+    """Refuse a name that is a pattern for many, unless it is there."""
+    if is_pattern(out):
+        raise InvalidParameter(f"{what} is {out}, allowed: the name of one file or folder, without * ? or [a-z]")
+
+
+def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool) -> str | None:
+    found = foreign(out, inputs)
+    if found is None and overwrite and is_like_inputs(out, inputs):
+        found = "labelled as the inputs beside it are"
+    if found is not None and any(path.suffix.lower() == out.suffix.lower() for path in inputs):
+        return f"{found} (is OUT missing?)"
+    return found
+
+
+def _check_existing(out: Path, inputs: Sequence[Path], what: str) -> None:
     if out.is_dir():
         raise FileError(f"cannot write {out}: it is a folder")
-    if out.exists():
-        for path in inputs:
-            if Path(path).exists() and out.samefile(path):
-                raise InvalidParameter(f"output {out} is the input {path}; give the output another name")
-        if not overwrite:
-            raise OutputExists(f"{out} exists already; give another name, or overwrite=True (--overwrite)")
-    if not os.access(out.parent, os.W_OK | os.X_OK):
-        raise FileError(f"cannot write {out}: no permission to write into the folder {out.parent.resolve()}")
+    if not out.is_file():
+        raise FileError(f"cannot write {out}: it is a pipe or a device, and only files are written")
+    for path in inputs:
+        if path.exists() and out.samefile(path):
+            raise InvalidParameter(f"{what} {out} is the input {path}; give the {what} another name")
+
+
+def _check_replaced(out: Path, overwrite: bool, foreign: Callable[[Path], str | None]) -> None:
+    try:
+        found = foreign(out)
+    except OSError as error:
+        raise FileError(f"cannot write {out}: what is there cannot be read ({error.strerror})") from error
+    if found is not None:
+        raise OutputExists(f"{out} exists already and is {found}; give another name, or remove that file first")
+    if not overwrite:
+        raise OutputExists(f"{out} exists already; give another name, or overwrite=True (--overwrite)")
+    if not out.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(out, os.W_OK):
+        raise FileError(f"cannot write {out}: it is read-only; give another name, or make it writable")
+
+
+def _target(out: Path) -> Path:
+    """Follow symbolic links to the file that is to be written; the links stay."""
+    if not out.is_symlink():
+        return out
+    target = Path(os.path.realpath(out))
+    if target.is_symlink():
+        raise FileError(f"cannot write {out}: it is a symbolic link that leads to itself")
+    return target
 
 
 @contextmanager
-def replacing(out: Path) -> Iterator[BinaryIO]:
+def replacing(out: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
     """Open a temporary file beside `out` that takes its name at the end, or is removed when anything fails.
+
+    A symbolic link stays, and the file that it leads to is replaced. The new file has the mode of the old.
+
+    Parameters
+    ----------
+    out : Path
+    overwrite : bool
+        Whether a file that has come to that name since the checks may be replaced.
 
     Raises
     ------
     FileError
         The file cannot be written, e.g. because the disk is full.
     """
-    part = out.with_name(f".streamseg-{uuid4().hex}.part")
+    claim: Claim | None = None
     guard: _ErrorKeeper | None = None
     home = Home(f"the writing of {out}")
     try:
-        with open(part, "x+b") as file:
+        target = _target(out)
+        claim = claim_part(target.parent)
+        with suppress(OSError):
+            os.chmod(claim.path, stat.S_IMODE(target.stat().st_mode) & 0o777)
+        with open(claim.path, "r+b") as file:
             guard = _ErrorKeeper(file)
             try:
                 yield cast("BinaryIO", guard)
@@ -83,12 +155,10 @@ def replacing(out: Path) -> Iterator[BinaryIO]:
                 if not home.is_here:
                     abandon(file)
         home.check()
-        part.replace(out)
+        _take_name(claim, target, overwrite)
     except BaseException as error:
         if not home.is_here:
             raise
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
         # Encoders in Rust report a failed write without its cause; the file remembers it.
         cause = guard.error if guard is not None and guard.error is not None else error
         if isinstance(cause, OSError) and not isinstance(cause, FileError) and isinstance(error, Exception):
@@ -96,6 +166,21 @@ def replacing(out: Path) -> Iterator[BinaryIO]:
                 f"cannot write {out}: {cause.strerror or cause}; nothing half-written is left in {out.parent.resolve()}"
             ) from error
         raise
+    finally:
+        if claim is not None:
+            claim.release()
+
+
+def _take_name(claim: Claim, target: Path, overwrite: bool) -> None:
+    if overwrite:
+        claim.path.replace(target)
+        return
+    try:
+        os.link(claim.path, target)
+    except FileExistsError:
+        raise OutputExists(f"{target} exists already, since this run began; nothing is written") from None
+    except OSError:  # no hard links in this folder
+        claim.path.replace(target)
 
 
 class _ErrorKeeper:

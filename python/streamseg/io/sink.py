@@ -40,6 +40,7 @@ def write_labelled(
     *,
     overwrite: bool = False,
     id_name: str | None = None,
+    expected: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Read the cloud once more and write its points with their segment ids, in the same order.
@@ -65,9 +66,11 @@ def write_labelled(
     out : Path or str
     labels : LabelSource
     overwrite : bool
-        Whether an existing `out` may be replaced.
+        Whether an existing `out` may be replaced; see `check_output`.
     id_name : str, default "SegmentID"
         What the dimension or column of ids is called.
+    expected : int, optional
+        How many points `labels` has reached. Nothing is written if the cloud does not have all of them.
     progress : callable, optional
         Called with the number of points done so far.
 
@@ -87,9 +90,9 @@ def write_labelled(
     out = Path(out)
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out, id_name, labels)
-    done = written = 0
+    done = written = labelled = 0
     home = Home(f"the writing of {out}")
-    with replacing(out) as file:
+    with replacing(out, overwrite=overwrite) as file:
         sink.begin(file)
         for count, block in sink.blocks():
             ids, reached = labels.read(done, done + count)
@@ -98,6 +101,7 @@ def write_labelled(
                     f"labels of points {done} to {done + count} have shapes {ids.shape} and {reached.shape}, "
                     f"expected ({count},)"
                 )
+            labelled += int(np.count_nonzero(reached))
             written += sink.append(block, ids, reached)
             done += count
             if progress is not None:
@@ -105,6 +109,12 @@ def write_labelled(
                 home.check()
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
+        if expected is not None and labelled != expected:
+            damage = f" ({cloud.damage})" if cloud.damage else ""
+            raise InvalidInput(
+                f"{labelled:,} points of {cloud.paths[0]} have labels, of {expected:,} that there are{damage}; "
+                f"give the input that they were made from; {out} is not written"
+            )
         sink.finish()
         cloud.check_unchanged()
     return written
