@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ._core import Replay, Settlement
 from .errors import FileError, InvalidInput, InvalidParameter, MissingExtra, OutputExists
+from .unlabelled import Unlabelled
 
 if TYPE_CHECKING:
     import pyarrow
@@ -81,6 +82,7 @@ class HistoryWriter:
             "segment_ids": 0,
             "late_joins": 0,
             "parts": 0,
+            "unlabelled": Unlabelled()._asdict(),
         }
         self._write_manifest(self._manifest)
 
@@ -92,6 +94,8 @@ class HistoryWriter:
             self._waiting["segment_segment"].append(span.segments)
             self._waiting["window"].append(span.windows)
             self._manifest["late_joins"] += span.late_joins
+            unlabelled = Unlabelled(**self._manifest["unlabelled"]).with_more(span.unlabelled)
+            self._manifest["unlabelled"] = unlabelled._asdict()
             if with_aliases:
                 told = np.full(len(span.aliases), span.index, np.int64)
                 self._waiting["alias"].append(np.column_stack([span.aliases, told]))
@@ -240,6 +244,16 @@ class History:
             if not isinstance(manifest.get(count), int) or not 0 <= manifest[count] < _MOST:
                 raise InvalidInput(f"{path} is damaged: {count} is {manifest.get(count)!r}, expected a count")
         self.manifest: dict[str, Any] = manifest
+        # What the last `resolve` came to: segments kept; by cause, segments left out and their points.
+        self.selected: tuple[int, dict[str, int], dict[str, int]] = (0, {}, {})
+
+    @property
+    def unlabelled(self) -> Unlabelled:
+        """How many points have no raw segment, by cause; of an earlier version's history nothing is known."""
+        told = self.manifest.get("unlabelled")
+        known = told.items() if isinstance(told, dict) else ()
+        counts = {cause: count for cause, count in known if isinstance(count, int)}
+        return Unlabelled().with_more(counts)
 
     def parts(self) -> Iterator[Part]:
         """Read the history part by part, in the order in which it was written."""
@@ -289,19 +303,20 @@ class History:
                 f"the history is damaged: the parts in {self.folder} hold {points:,} points, "
                 f"the manifest says {self.manifest['points']:,}"
             )
-        self._settle(replay, settlement, limits)
+        self.selected = self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
 
-    def _settle(self, replay: Replay, settlement: Settlement, limits: bool) -> None:
+    def _settle(
+        self, replay: Replay, settlement: Settlement, limits: bool
+    ) -> tuple[int, dict[str, int], dict[str, int]]:
         if not limits:
-            replay.settle(settlement)
-            return
+            return replay.settle(settlement)
         kept = tuple(
             self.manifest["parameters"].get(option) for option in ("min_segment_size", "max_segment_size", "sort")
         )
         try:
-            replay.settle(settlement, kept)
+            return replay.settle(settlement, kept)
         except (TypeError, OverflowError, InvalidParameter) as error:
             raise InvalidInput(f"{self.folder / MANIFEST} is damaged: its limits of size are {kept}") from error
 
