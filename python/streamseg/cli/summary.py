@@ -30,8 +30,8 @@ _TURNS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "no_seed": (("another", ("seed_filter",)),),
     "noise": (("a larger", ("eps",)), ("a smaller", ("min_points",))),
     "in_no_plane": (
-        ("a larger", ("max_distance", "max_sigma", "min_angle_deg")),
-        ("another", ("search_radius", "k", "seed_calculator")),
+        ("a larger", ("search_radius", "max_distance", "max_sigma", "min_angle_deg")),
+        ("another", ("k", "seed_calculator")),
     ),
     "in_no_region": (("a larger", ("max_curvature", "angle_deg")), ("another", ("search_radius", "k"))),
     "undecided": (("a smaller", ("search_radius", "k")),),
@@ -56,7 +56,7 @@ def of_run(
     if not outcome.segments:
         yield f"no segment: {_why_none(outcome.points, unlabelled, segmentor, words)}"
     elif unlabelled.total:
-        yield f"{_without(unlabelled.total, outcome.points)}: {unlabelled.told(words)}"
+        yield f"{_without(unlabelled.total, outcome.points)}: {_all_or_each(unlabelled, words)}"
     if 2 * unlabelled.total > outcome.points:
         causes = list(unlabelled.causes)[: 1 if outcome.segments else 2]
         if remedies := [remedy for cause in causes if (remedy := _remedy(cause, segmentor, removals))]:
@@ -99,6 +99,12 @@ def _without(without: int, points: int) -> str:
     return f"{_counted(without, ('point has', 'points have'))} no segment ({percent})"
 
 
+def _all_or_each(unlabelled: Unlabelled, words: Mapping[str, str]) -> str:
+    """Tell the causes; of a single one no number, which is known already."""
+    told = unlabelled.told(words)
+    return told if len(unlabelled.causes) > 1 else f"all {told.partition(' ')[2]}"
+
+
 def _removals(stages: Sequence[Any]) -> list[str]:
     """Name the options that remove points."""
     return [option for kind, option in _REMOVALS.items() if any(isinstance(stage, kind) for stage in stages)]
@@ -109,6 +115,7 @@ def _words(segmentor: Any, removals: list[str], left_out: Mapping[str, LeftOut])
     return {
         "removed": f"removed by {' and '.join(removals)}",
         "filtered": "left out by --filter",
+        "in_no_region": "in no region (too rough, or without a normal)",
         "by_segmentor": "given none by the method",
         **_of_sizes(left_out, *(getattr(segmentor, name, None) for name in _LIMITS)),
     }
@@ -143,10 +150,10 @@ def _why_none(points: int, unlabelled: Unlabelled, segmentor: Any, words: Mappin
             left -= gone
     others = unlabelled._replace(invalid=0, removed=0, filtered=0)
     if len(others.causes) == 1:
-        of_these = "and all of these" if steps else f"all {points:,} points"
-        steps.append(f"{of_these} are {others.told(words).partition(' ')[2]}")
+        everyone = "all of these are" if steps else f"all {points:,} points are" if points > 1 else "the only point is"
+        steps.append(f"{'and ' if steps else ''}{everyone} {others.told(words).partition(' ')[2]}")
     elif others.total:
-        steps.append(f"of {'these' if steps else _counted(points, _POINTS)} {others.told(words)}")
+        steps.append(f"{'and of these' if steps else f'of {points:,} points'} {others.told(words)}")
     return ", ".join(steps)
 
 
