@@ -404,7 +404,7 @@ def test_warnings_name_options(run: Run, village: Path) -> None:
 COMMANDS = {
     "segment in.las out.las --distance 1": "cli.segment.segment_file",
     "verify in.las --distance 1": "cli.verify.verify_run",
-    "resolve past in.las out.las": "cli.commands.resolve_file",
+    "resolve past in.las out.las": "cli.commands.resolved_file",
     "info in.las": "description.describe",
     "info in.las --plan --distance 1": "cli.plan.plan",
     "preview in.las out.png": "cli.commands.draw_preview",
