@@ -7,7 +7,7 @@
 //!            base                             next
 //!   ┌─────────┬──────────┬──────────┬──────────┬─────────┐      word of arrival a: words[a mod capacity]
 //!   │ evicted │  span 4  │  span 5  │  span 6  │  free   │      bits 63..56  lap of the ring, 1..=255; 0 = never written
-//!   └─────────┴──────────┴──────────┴──────────┴─────────┘      bits 55..0   segment id, from 1; or, with bit 55, a cause
+//!   └─────────┴──────────┴──────────┴──────────┴─────────┘      bits 55..0   segment id, from 1; at the top, a cause
 //! ```
 //!
 //! A word belongs to an arrival only if it carries the arrival's lap. So evicting a span means moving `base` on: nothing
@@ -44,8 +44,8 @@ const ID_BITS: u32 = 56;
 const ID_MASK: u64 = (1 << ID_BITS) - 1;
 const LAPS: u64 = 255;
 
-/// Set where a word tells why a point has no segment.
-const WHY: u64 = 1 << (ID_BITS - 1);
+/// From here on a word tells why a point has no segment; no id is as large.
+const WHY: u64 = ID_MASK - Cause::ALL.len() as u64;
 
 /// What an insertion found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -168,10 +168,10 @@ impl PointSegment {
     #[inline]
     pub fn explain(&self, arrival: u64, why: Cause) {
         let word = self.word(arrival);
-        let noted = self.packed(arrival, WHY | why as u64);
+        let noted = self.packed(arrival, WHY + why as u64);
         // Relaxed, all three: see "What writers and readers may see".
         let mut seen = word.load(Ordering::Relaxed);
-        // An id has no such bit, so it is smaller than any cause.
+        // Any id is smaller than any cause.
         while self.unpacked(arrival, seen).is_none() || seen > noted {
             match word.compare_exchange(seen, noted, Ordering::Relaxed, Ordering::Relaxed) {
                 Ok(_) => return,
@@ -195,11 +195,11 @@ impl PointSegment {
 /// The id that a word tells; none if it tells why there is none.
 #[inline]
 fn segment_id(told: u64) -> Option<SegmentId> {
-    (told & WHY == 0).then_some(told as SegmentId)
+    (told < WHY).then_some(told as SegmentId)
 }
 
 fn cause(told: u64) -> Cause {
-    Cause::ALL.get((told & !WHY) as usize).copied().unwrap_or(Cause::BySegmentor)
+    Cause::ALL.get((told - WHY) as usize).copied().unwrap_or(Cause::BySegmentor)
 }
 
 fn ring(capacity: usize) -> Box<[AtomicU64]> {
