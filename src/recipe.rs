@@ -14,6 +14,7 @@ use crate::attribute::{Likeness, is_same_name, likeness, meant};
 use crate::error::{Error, Result};
 use crate::expression::Filter;
 use crate::features::{Feature, Fit, compute, compute_and_keep};
+use crate::label::Cause;
 use crate::neighborhood::{Grid, Search};
 use crate::preprocessing::{Preprocessed, Stage, apply_all, total_halo};
 use crate::segmentor::{Exactness, Plane, Segmented, Segmentor, segment};
@@ -246,9 +247,11 @@ impl Recipe {
             seeded
         });
         if let Some(TakingPart { kept, undecided }) = taking_part {
-            segmented = segmented.spread(&kept, all);
+            segmented = segmented.spread(&kept, all, Cause::Filtered);
             if segmented.undecided.is_some() || !self.ingredients.stages.is_empty() {
                 segmented = segmented.leaving_open(undecided);
+            } else {
+                segmented.labels.because(undecided, Cause::Undecided);
             }
         }
         Ok(segmented)
@@ -358,7 +361,11 @@ impl Segmentor for Recipe {
         if self.ingredients.stages.is_empty() {
             return Ok(segmented);
         }
-        Ok(segmented.take(&successors).leaving_open(undecided))
+        Ok(segmented.take(&successors, Cause::Removed).leaving_open(undecided))
+    }
+
+    fn cause(&self) -> Cause {
+        self.ingredients.segmentor.cause()
     }
 
     fn agree(&self, a: &Plane, b: &Plane) -> bool {

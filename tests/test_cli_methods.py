@@ -156,7 +156,8 @@ def test_a_method_with_its_options(run: Run, village: Path, tmp_path: Path, text
     labels = ids(tmp_path / "out.las")
     np.testing.assert_array_equal(labels, ss.segment(village, segmentor, spans=ss.SpanByWidth(5.0)))
     found = len(np.unique(labels[labels > 0]))
-    assert f"{len(labels):,} points in {found:,} segments" in done.out
+    of_all = f"{np.count_nonzero(labels > 0):,} of " if np.any(labels < 0) else ""
+    assert f"out.las: {of_all}{len(labels):,} points in {found:,} segment" in done.out
 
 
 def test_every_option_is_tried_above() -> None:
@@ -189,10 +190,11 @@ def test_what_is_done_before(run: Run, village: Path, tmp_path: Path, text: str,
 
 def test_what_is_left_out_is_told(run: Run, village: Path) -> None:
     done = run("segment", village, "out.las", "--method", "dbscan", "--eps", 0.8, "--min-size", 20)
-    assert "smaller than 20 points left out" in done.out
+    assert "segments smaller than 20 points" in done.out
     done = run("segment", village, "two.las", "--method", "dbscan", "--eps", 0.8, "--seed-filter", "false")
     assert "in 0 segments" in done.out
-    assert "without a seed left out" in done.out
+    assert "without a seed" in done.out
+    assert "more points would be in one with another --seed-filter" in done.out
     assert np.all(ids(Path("two.las")) == -1)
 
 
@@ -402,7 +404,7 @@ def test_warnings_name_options(run: Run, village: Path) -> None:
 COMMANDS = {
     "segment in.las out.las --distance 1": "cli.segment.segment_file",
     "verify in.las --distance 1": "cli.verify.verify_run",
-    "resolve past in.las out.las": "cli.commands.resolve_file",
+    "resolve past in.las out.las": "cli.commands.resolved_file",
     "info in.las": "description.describe",
     "info in.las --plan --distance 1": "cli.plan.plan",
     "preview in.las out.png": "cli.commands.draw_preview",

@@ -86,6 +86,7 @@ def test_the_manifest_tells_the_truth(tmp_path: Path, data: Path) -> None:
         "segment_ids": run.progress.segment_ids,
         "late_joins": 0,
         "parts": 1,
+        "unlabelled": ss.Unlabelled()._asdict(),
     }
     assert len(points) == 37_657
     assert points[:, 2].max() + 1 == count

@@ -237,10 +237,10 @@ def test_from_file_to_file_and_back_from_the_history(tmp_path: Path) -> None:
 def test_the_command_line_says_what_is_left_out(tmp_path: Path) -> None:
     np.save(tmp_path / "in.npy", np.repeat(np.arange(12.0), np.arange(1, 13))[:, None] * [10, 0, 0])
     files = [str(tmp_path / "in.npy"), str(tmp_path / "out.npy")]
-    with Limits(4).of_every_run():
-        done = CliRunner().invoke(app, ["segment", *files, "--distance", "1", "--history", str(tmp_path / "run")])
-    assert "78 points in 9 segments, 3 " in done.stdout
-    assert " left out (6 points), " in done.stdout
+    words = ["--distance", "1", "--min-size", "4", "--history", str(tmp_path / "run")]
+    done = CliRunner().invoke(app, ["segment", *files, *words])
+    assert "72 of 78 points in 9 segments, " in done.stdout
+    assert "6 points have no segment (8 %): all in 3 segments smaller than 4 points\n" in done.stdout
     for option, kept in (("--limits", 9), ("--no-limits", 12)):
         CliRunner().invoke(app, ["resolve", str(tmp_path / "run"), *files, option, "--overwrite"])
         assert len(np.unique(np.load(tmp_path / "out.npy"))) - (option == "--limits") == kept

@@ -165,6 +165,7 @@ def test_a_broken_condition_and_no_segments_are_told_in_the_summary(tmp_path: Pa
     done = streamseg(tmp_path, "segment", "in.npy", "a.npy", "--distance", 1.5, "--span-width", 9, "--overlap", 0)
     assert "windows share no span" in done.stdout
     done = streamseg(tmp_path, "segment", "in.npy", "b.npy", "--distance", 1.5, "--filter", "Z > 5")
-    assert "no segment: does --filter" in done.stdout
+    assert 'no segment: --filter "Z > 5" leaves none of ' in done.stdout
     done = streamseg(tmp_path, "segment", "in.npy", "c.npy", "--method", "dbscan", "--eps", 1.5, "--min-points", 9)
-    assert "no segment: no point has 9 neighbors within --eps" in done.stdout
+    assert " points are noise\n" in done.stdout
+    assert "more points would be in one with a larger --eps (1.5), or a smaller --min-points (9)\n" in done.stdout

@@ -276,8 +276,8 @@ proptest! {
             .map(|whole| (whole.id, whole.points))
             .collect();
         prop_assert_eq!(selection.kept_segments(), becomes.len() as u64);
-        prop_assert_eq!(selection.left_out_segments(), left_out.len() as u64);
-        prop_assert_eq!(selection.left_out_points(), left_out.values().sum::<u64>());
+        prop_assert_eq!(selection.left_out_segments().total(), left_out.len() as u64);
+        prop_assert_eq!(selection.left_out_points().total(), left_out.values().sum::<u64>());
     }
 
     /// Whoever keeps the carried ids and follows the aliases ends with the final ids.

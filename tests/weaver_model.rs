@@ -7,6 +7,7 @@
 
 use loom::sync::Arc;
 use loom::thread;
+use streamseg::label::Cause;
 use streamseg::weaver::{Inserted, Pairs, PointSegment};
 
 /// A table with so many points, none of which has a segment yet.
@@ -54,6 +55,27 @@ fn of_three_threads_with_one_point_one_wins() {
             assert_eq!(answer, if id == winner { Inserted::New } else { Inserted::Kept(winner) });
         }
     });
+}
+
+#[test]
+fn a_segment_beats_any_cause_and_of_two_causes_the_earlier_stays() {
+    for is_labelled in [true, false] {
+        loom::model(move || {
+            let table = Arc::new(table_of(1));
+            let others = [Cause::Filtered, Cause::Noise].map(|cause| {
+                let table = Arc::clone(&table);
+                thread::spawn(move || table.explain(0, cause))
+            });
+            if is_labelled {
+                assert_eq!(table.insert_if_absent(0, 7), Inserted::New);
+                assert_eq!(table.get(0), Some(7), "no cause takes its place");
+            } else {
+                assert_eq!(table.get(0), None);
+            }
+            others.map(|other| other.join().unwrap());
+            assert_eq!(table.find(0), if is_labelled { Ok(7) } else { Err(Cause::Noise) });
+        });
+    }
 }
 
 #[test]

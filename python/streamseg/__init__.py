@@ -49,6 +49,7 @@ from .preprocessing import prepare, preprocess
 from .preview import preview
 from .run import segment, segment_static, stream
 from .stream import LeftOut, Progress, Span, Stream
+from .unlabelled import Unlabelled
 from .verification import Verification, verify
 
 __all__ = [
@@ -83,6 +84,7 @@ __all__ = [
     "StreamsegError",
     "StreamsegWarning",
     "ThinnedSpan",
+    "Unlabelled",
     "Verification",
     "VoxelGrid",
     "Window",

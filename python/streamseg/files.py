@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ._core import Window
 from .callbacks import callback
 from .certificate import Certificate
@@ -21,6 +23,7 @@ from .plan import MaxMemory, Stages
 from .run import stream
 from .source import PathLike, counted, open_source
 from .stream import PATIENCE, LeftOut, Progress, Result, Stream
+from .unlabelled import Unlabelled
 
 _WHILE_WRITING = "it was interrupted while it was being written"
 
@@ -46,6 +49,25 @@ class Outcome(NamedTuple):
     """Whether it could prove that it is the static result."""
     damage: str | None
     """What could not be read, if the input is damaged; what came before it is in the output."""
+    unlabelled: Unlabelled
+    """How many of the points written have no segment, by cause."""
+    left_out_by_cause: dict[str, LeftOut]
+    """What the limits leave out, by cause: "no_seed", "too_small" and "too_large"."""
+
+
+class Resolved(NamedTuple):
+    """What the resolution of a history came to."""
+
+    points: int
+    """Points written."""
+    segments: int
+    """Segments they are in."""
+    without: int
+    """Points written that have no segment."""
+    unlabelled: Unlabelled
+    """Why, as far as the history tells: it adds up to less if the history is of an earlier version, or ends early."""
+    left_out_by_cause: dict[str, LeftOut]
+    """What the limits leave out, by cause."""
 
 
 def segment_file(
@@ -170,7 +192,14 @@ def segment_file(
         run.certificate,
         run.is_proven,
         cloud.damage,
+        _of_written(run.unlabelled, progress.points - points),
+        run.left_out_by_cause,
     )
+
+
+def _of_written(unlabelled: Unlabelled, unwritten: int) -> Unlabelled:
+    """Leave out the points that came out and were not written: LAS cannot hold coordinates that are not finite."""
+    return unlabelled._replace(invalid=max(unlabelled.invalid - unwritten, 0))
 
 
 def _as_paths(inputs: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -301,6 +330,22 @@ def resolve_file(
     >>> ss.resolve_file(past, f"{folder}/in.npy", f"{folder}/again.npy")
     5
     """
+    return resolved_file(
+        history, inputs, output, limits=limits, overwrite=overwrite, id_name=id_name, on_write=on_write
+    ).points
+
+
+def resolved_file(
+    history: PathLike,
+    inputs: PathLike | Sequence[PathLike],
+    output: PathLike,
+    *,
+    limits: bool,
+    overwrite: bool,
+    id_name: str | None,
+    on_write: Callable[[int], None] | None,
+) -> Resolved:
+    """Do what `resolve_file` does, and say what it came to."""
     paths, output = _as_paths(inputs), Path(output)
     check_output(output, paths, overwrite)
     past = History(history)
@@ -308,19 +353,25 @@ def resolve_file(
     check_kind(cloud, output, id_name)
     _check_origin(past, cloud)
     cloud.expect(past.manifest.get("digests"), f"the history {past.folder}")
+    resolved = without = 0
     with LabelSpool() as labels:
         for point_ids, segment_ids in past.resolve(limits=limits):
             labels.add(point_ids, segment_ids)
-        on_written = callback("on_write", on_write)
-        return write_labelled(
+            resolved += len(point_ids)
+            without += int(np.count_nonzero(segment_ids < 0))
+        points = write_labelled(
             cloud,
             output,
             labels,
             overwrite=overwrite,
             id_name=id_name,
             expected=past.manifest["points"],
-            progress=on_written,
+            progress=callback("on_write", on_write),
         )
+    segments, left_out, left_out_points = past.selected
+    by_cause = {cause: LeftOut(left_out[cause], left_out_points[cause]) for cause in left_out if left_out[cause]}
+    unlabelled = _of_written(past.unlabelled.with_more(left_out_points), resolved - points)
+    return Resolved(points, segments, without - max(resolved - points, 0), unlabelled, by_cause)
 
 
 def _check_origin(past: History, cloud: Cloud) -> None:

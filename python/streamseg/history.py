@@ -33,6 +33,7 @@ from .history_folder import (
 )
 from .history_tables import COLUMNS, Ids, Told, parquet, read_part, record_batches, write_part
 from .io.output import check_file, refuse_pattern, replacing
+from .unlabelled import Unlabelled
 
 if TYPE_CHECKING:
     from ._core import Span as CoreSpan
@@ -68,6 +69,7 @@ class HistoryWriter:
             "promise": promise,
             "complete": False,
             **dict.fromkeys(COUNTS, 0),
+            "unlabelled": Unlabelled()._asdict(),
         }
         self._write_manifest(self._manifest)
 
@@ -80,6 +82,8 @@ class HistoryWriter:
             self._wait("segment_segment", *span.segments.T)
             self._wait("window", *span.windows.T)
             self._wait("seedless", span.seedless, span.index)
+            unlabelled = Unlabelled(**self._manifest["unlabelled"]).with_more(span.unlabelled)
+            self._manifest["unlabelled"] = unlabelled._asdict()
             if with_aliases:
                 self._wait("alias", *span.aliases.T, span.index)
             self._manifest["late_joins"] += span.late_joins
@@ -211,6 +215,16 @@ class History:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
         self.manifest: dict[str, Any] = read_manifest(self.folder)
+        # What the last `resolve` came to: segments kept; by cause, segments left out and their points.
+        self.selected: tuple[int, dict[str, int], dict[str, int]] = (0, {}, {})
+
+    @property
+    def unlabelled(self) -> Unlabelled:
+        """How many points have no raw segment, by cause; of an earlier version's history nothing is known."""
+        told = self.manifest.get("unlabelled")
+        known = told.items() if isinstance(told, dict) else ()
+        counts = {cause: count for cause, count in known if isinstance(count, int)}
+        return Unlabelled().with_more(counts)
 
     def parts(self) -> Iterator[Part]:
         """Read the history in the order in which it was written, in pieces of bounded size.
@@ -262,7 +276,7 @@ class History:
         if not points:
             # Even then something comes, to be put together with nothing.
             settlement.keep_ids(0, _NONE, *replay.part(_NONE, _NONE, _NONE, _NONE))
-        self._settle(replay, settlement, limits)
+        self.selected = self._settle(replay, settlement, limits)
         for settled in settlement:
             yield settled.point_ids, settled.segment_ids
 
@@ -290,15 +304,16 @@ class History:
                 f"the manifest says {self.manifest[of]:,}"
             )
 
-    def _settle(self, replay: Replay, settlement: Settlement, limits: bool) -> None:
+    def _settle(
+        self, replay: Replay, settlement: Settlement, limits: bool
+    ) -> tuple[int, dict[str, int], dict[str, int]]:
         if not limits:
-            replay.settle(settlement)
-            return
+            return replay.settle(settlement)
         kept = tuple(
             self.manifest["parameters"].get(option) for option in ("min_segment_size", "max_segment_size", "sort")
         )
         try:
-            replay.settle(settlement, kept)
+            return replay.settle(settlement, kept)
         except (TypeError, OverflowError, InvalidParameter) as error:
             path = self.folder / MANIFEST
             raise InvalidInput(f"{path} is damaged: its limits of size are {shown(kept)}") from error

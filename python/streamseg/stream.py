@@ -16,6 +16,7 @@ from .certificate import Certificate
 from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
 from .source import Source
+from .unlabelled import Unlabelled
 
 if TYPE_CHECKING:
     from ._core import SettledSpan, Turn
@@ -126,9 +127,10 @@ class Stream:
         self._settlement: Settlement | None = None
         if result == "final":
             self._settlement = Settlement(lattice=source.lattice, with_points=with_points)
-        # Segments kept, segments left out and their points, once it is known.
-        self._selected: tuple[int, int, int] | None = None
-        self._kept = -1
+        # Segments kept; by cause, segments left out and their points: once it is known.
+        self._selected: tuple[int, dict[str, int], dict[str, int]] | None = None
+        # The last span that came out of the core, and the points without a segment up to there: set in one step.
+        self._taken = (-1, Unlabelled())
         self._failure: Exception | None = None
         self.exactness = core.exactness
         self.is_identical = core.is_identical
@@ -157,6 +159,7 @@ class Stream:
 
     def _next(self) -> Span:
         core = self._next_woven()
+        self._take(core)
         ids = core.raw_ids if self._result == "history" else core.carried_ids
         aliases = _NO_ALIASES if self._result == "history" else core.aliases
         span = Span(core.index, core.point_ids, ids, aliases, core)
@@ -191,7 +194,24 @@ class Stream:
     @property
     def left_out(self) -> LeftOut:
         """What the limits of the segmentor leave out of final ids; nothing until the first final ids come."""
-        return LeftOut(0, 0) if self._selected is None else LeftOut(*self._selected[1:])
+        left_out = self.left_out_by_cause.values()
+        return LeftOut(sum(each.segments for each in left_out), sum(each.points for each in left_out))
+
+    @property
+    def left_out_by_cause(self) -> dict[str, LeftOut]:
+        """The same by cause: "no_seed", "too_small" and "too_large", those that there are."""
+        if self._selected is None:
+            return {}
+        _, segments, points = self._selected
+        return {cause: LeftOut(segments[cause], points[cause]) for cause in segments if segments[cause]}
+
+    @property
+    def unlabelled(self) -> Unlabelled:
+        """How many points that came out have no segment, by cause; nothing until the first final ids come."""
+        unlabelled = self._taken[1]
+        if self._result != "final":
+            return unlabelled
+        return Unlabelled() if self._selected is None else unlabelled.with_more(self._selected[2])
 
     @property
     def live_entries(self) -> tuple[int, int]:
@@ -299,6 +319,12 @@ class Stream:
             self._write(self._history, span)
         return span
 
+    def _take(self, span: CoreSpan) -> None:
+        """Count the points of a span that have no segment: once, however often it is given."""
+        last, unlabelled = self._taken
+        if span.index != last:
+            self._taken = (span.index, unlabelled.with_more(span.unlabelled))
+
     def _write(self, history: HistoryWriter, span: CoreSpan) -> None:
         try:
             history.write(span, with_aliases=self._result == "carry")
@@ -342,9 +368,9 @@ class Stream:
         try:
             while True:
                 span = self._next_woven()
-                if span.index != self._kept:
+                if span.index != self._taken[0]:
                     settlement.keep(span)
-                    self._kept = span.index
+                self._take(span)
                 self._core.acknowledge()
         except StopIteration:
             pass

@@ -21,6 +21,7 @@ from .preprocessing import Stage, listed
 from .run import in_input_order, segment_static, stream
 from .source import Attributes, Source, open_source
 from .stream import Progress, Stream
+from .unlabelled import Unlabelled
 
 # What a whole cloud takes in memory, about: the triangulation of its map is the largest part of it.
 _BYTES_PER_POINT = 300
@@ -67,6 +68,10 @@ class Verification:
     """What it said of itself beforehand."""
     damage: str | None
     """What could not be read, if the source is damaged; the points before it were compared."""
+    unlabelled: Unlabelled
+    """How many points have no segment in the streamed result, by cause."""
+    static_unlabelled: int
+    """How many points have no segment in the static result."""
     caution: str | None = None
     """Why distances between the points are not what they seem, such as coordinates in degrees."""
 
@@ -76,12 +81,19 @@ class Verification:
     def _lines(self) -> Iterator[str]:
         if self.is_identical:
             yield f"identical: {self.points:,} points in {self.static_segments:,} segments, streamed and static"
+            if self.static_unlabelled:
+                yield f"{self.static_unlabelled:,} of the points have no segment: {self.unlabelled}"
         else:
             yield (
                 f"not identical: {self.streamed_segments:,} segments streamed, {self.static_segments:,} static; "
                 f"adjusted Rand index {_short_of_one(self.adjusted_rand_index)}; "
                 f"{len(self.differing):,} of {self.points:,} points differ"
             )
+            if self.static_unlabelled or self.unlabelled.total:
+                yield (
+                    f"{self.unlabelled.total:,} points have no segment streamed, {self.static_unlabelled:,} static; "
+                    f"streamed: {self.unlabelled}"
+                )
             yield from self._table()
             yield "why, the likeliest first:"
             yield from (f"  {number}. {reason}" for number, reason in enumerate(self.reasons, 1))
@@ -196,6 +208,8 @@ def _judge(source: Source, run: Stream, static: Ids, streamed: Ids, reasons: lis
         promise=run.promise,
         damage=source.damage(),
         caution=source.caution,
+        unlabelled=run.unlabelled,
+        static_unlabelled=int(np.count_nonzero(static < 0)),
     )
 
 

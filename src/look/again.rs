@@ -15,6 +15,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::nearest::{Nearest, Search, Stored};
 use super::{Look, Said, Sight, sees_beyond};
 use crate::error::Result;
+use crate::label::Cause;
 use crate::lattice::Lattice;
 use crate::neighborhood;
 use crate::segmentor::{Segmentor, segment};
@@ -174,6 +175,12 @@ impl LookAgain {
                     Some(position) => said.label(position, label),
                     None => said.see(Sight { label, span: point.span, position: point.position }),
                 }
+            }
+        }
+        for point in &decided {
+            let cause = at(point).ok().and_then(|at| Cause::of_label(labels[at]));
+            if let (Some(position), Some(cause)) = (position_among(own, point), cause) {
+                said.explain(position, cause);
             }
         }
         let mut positions: Vec<u32> = decided.iter().filter_map(|point| position_among(own, point)).collect();

@@ -15,7 +15,7 @@ pub use again::LookAgain;
 pub use said::Said;
 
 use crate::error::Result;
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels, NONE};
 use crate::segmentor::{Exactness, Segmented, Segmentor, segment};
 use crate::window::Window;
 
@@ -48,7 +48,7 @@ pub struct Sight {
 pub fn look(segmentor: &dyn Segmentor, window: &Window, brought_back: usize) -> Result<Look> {
     let mut segmented = segment(segmentor, window)?;
     if let Some(valid) = window.valid() {
-        segmented = segmented.spread(valid, window.len());
+        segmented = segmented.spread(valid, window.len(), Cause::Invalid);
     }
     let (own, mut sights, mut of_context) = (window.own(), Vec::new(), Vec::new());
     if own.len() < window.len() {

@@ -1,13 +1,13 @@
 //! What several looks say of a window's own points, put together.
 
 use super::{Look, Sight};
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels, NONE};
 use crate::segmentor::Segmented;
 use crate::union_find::UnionFind;
 
 /// The own points of a window with the labels of all looks at it. Labels that share a point are one.
 pub struct Said {
-    /// The first label that each own point got.
+    /// The first label that each own point got, or why it got none.
     labels: Vec<i32>,
     /// How many labels there are.
     count: u32,
@@ -47,10 +47,18 @@ impl Said {
     /// An own point has this label, too.
     pub fn label(&mut self, point: u32, label: i32) {
         let known = &mut self.labels[point as usize];
-        if *known == NONE as i32 {
+        if *known < 0 {
             *known = label;
         } else {
             self.same.push([*known as u32, label as u32]);
+        }
+    }
+
+    /// An own point has been decided to have no label.
+    pub fn explain(&mut self, point: u32, cause: Cause) {
+        let known = &mut self.labels[point as usize];
+        if *known < 0 {
+            *known = cause.label();
         }
     }
 
@@ -88,7 +96,13 @@ impl Said {
         });
         let sights = self.sights.iter().map(|sight| Sight { label: number_of(sight.label), ..*sight });
         let sights = sights.filter(|sight| sight.label >= 0).collect();
-        let mut segmented = Segmented { labels: labels.spread(&labelled, self.labels.len()), seeded, ..self.rest };
+        let mut labels = labels.spread(&labelled, self.labels.len(), Cause::BySegmentor);
+        for (point, cause) in
+            (0..).zip(&self.labels).filter_map(|(point, &label)| Some((point, Cause::of_label(label)?)))
+        {
+            labels.because([point], cause);
+        }
+        let mut segmented = Segmented { labels, seeded, ..self.rest };
         segmented.tally.waiting_points = self.undecided.len() as u64;
         segmented.tally.decided_points = (self.labels.len() - self.undecided.len()) as u64;
         segmented.undecided = Some(self.undecided);

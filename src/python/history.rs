@@ -7,9 +7,9 @@ use pyo3::prelude::*;
 
 use super::errors::guarded;
 use super::home::Home;
-use super::selection::SizeOptions;
+use super::selection::{Selected, SizeOptions, selected};
 use super::stream::PySettlement;
-use crate::weaver::Replay;
+use crate::weaver::{Replay, Selection};
 
 /// Replays the parts of a history, in order, into a settlement.
 #[pyclass(frozen, name = "Replay", module = "streamseg._core")]
@@ -45,22 +45,26 @@ impl PyReplay {
     }
 
     /// Ends the replay and makes the ids of a settlement final: all of them, or within limits, which are the fewest and
-    /// the most points of a segment and how to number them.
+    /// the most points of a segment and how to number them. Returns the same as that of a pipeline.
     #[pyo3(signature = (settlement, limits = None))]
     fn settle(
         &self,
         py: Python<'_>,
         settlement: &PySettlement,
         limits: Option<(i64, Option<i64>, String)>,
-    ) -> PyResult<()> {
+    ) -> PyResult<Selected> {
         self.1.check()?;
         let sizes = limits.map(|(min, max, sort)| SizeOptions::new(min, max, &sort)).transpose()?;
         guarded(py, || {
             let mut replay = self.lock();
             replay.finish();
             let log = replay.aliases();
-            let selection = sizes.map(|sizes| sizes.select(log)).transpose()?.unwrap_or_default();
-            Ok(settlement.lock()?.settle(log, &selection)?)
+            let selection = match sizes {
+                Some(sizes) => sizes.select(log)?,
+                None => Selection::everything(log)?,
+            };
+            settlement.lock()?.settle(log, &selection)?;
+            Ok(selected(&selection))
         })
     }
 }

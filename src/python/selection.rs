@@ -1,7 +1,10 @@
-//! Which segments a run keeps in the end: the options that every segmentor has.
+//! Which segments a run keeps in the end: the options that every segmentor has, and what they come to.
+
+use std::collections::BTreeMap;
 
 use super::spans::count;
 use crate::error::Result;
+use crate::label::ByCause;
 use crate::size::{SizeLimits, Sort};
 use crate::weaver::{Aliases, Selection};
 
@@ -23,4 +26,20 @@ impl SizeOptions {
     pub(super) fn select(&self, log: &mut Aliases) -> Result<Selection> {
         Selection::new(log, self.limits, self.sort)
     }
+}
+
+/// Counts by the names of their causes.
+pub(super) type Named = BTreeMap<&'static str, u64>;
+
+/// Counts as Python has them.
+pub(super) fn named(counts: &ByCause) -> Named {
+    counts.named().collect()
+}
+
+/// How many segments are kept; how many are left out, by cause; and how many points those have.
+pub(super) type Selected = (u64, Named, Named);
+
+/// What a selection has come to.
+pub(super) fn selected(selection: &Selection) -> Selected {
+    (selection.kept_segments(), named(selection.left_out_segments()), named(selection.left_out_points()))
 }

@@ -14,7 +14,7 @@ use super::finalization::PySlabCounts;
 use super::home::Home;
 use super::numbers::Whole;
 use super::segmentors::PyRecipe;
-use super::selection::SizeOptions;
+use super::selection::{Named, Selected, SizeOptions, named, selected};
 use super::spans::{PyWindowSize, span_by};
 use crate::certificate::Certificate;
 use crate::crew::Crew;
@@ -229,14 +229,14 @@ impl PyPipeline {
         Ok(ids.into_pyarray(py))
     }
 
-    /// Makes the ids of a settlement final; after the end. Returns how many segments are kept, how many are left out,
-    /// and how many points those have.
-    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<(u64, u64, u64)> {
+    /// Makes the ids of a settlement final; after the end. Returns how many segments are kept; how many are left out, by
+    /// cause; and how many points those have.
+    fn settle(&self, py: Python<'_>, settlement: &PySettlement) -> PyResult<Selected> {
         guarded(py, || {
             let mut pipeline = self.lock()?;
             let selection = self.sizes.select(pipeline.aliases())?;
             settlement.lock()?.settle(pipeline.aliases(), &selection)?;
-            Ok((selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()))
+            Ok(selected(&selection))
         })
     }
 
@@ -390,6 +390,9 @@ pub struct PySpan {
     /// The windows woven since the last span, (m, 12) int64: the columns of the history's table.
     #[pyo3(get)]
     windows: Py<PyArray2<i64>>,
+    /// How many points have no segment, by cause.
+    #[pyo3(get)]
+    unlabelled: Named,
     settles_at: u64,
 }
 
@@ -433,6 +436,7 @@ impl PySpan {
             segments: rows(py, segments)?.unbind(),
             late_joins: segmented.late_joins,
             seedless: segmented.seedless.into_pyarray(py).unbind(),
+            unlabelled: named(&segmented.unlabelled),
             windows: rows(py, windows.iter().map(window_row).collect())?.unbind(),
             settles_at: segmented.settles_at,
         })

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use super::{Exactness, Segmented, Segmentor};
 use crate::error::Result;
 use crate::expression::{BoundCriterion, Criterion, Pair, Symmetry};
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels, NONE};
 use crate::neighborhood::{Grid, Search};
 use crate::union_find::UnionFind;
 use crate::window::Window;
@@ -73,6 +73,10 @@ impl Segmentor for ConditionalClustering {
 
     fn bytes_per_point(&self) -> usize {
         Grid::BYTES_PER_POINT + 60
+    }
+
+    fn cause(&self) -> Cause {
+        Cause::NoSeed
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

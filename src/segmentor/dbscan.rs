@@ -14,7 +14,7 @@
 
 use super::{Exactness, Segmented, Segmentor};
 use crate::error::{Result, at_least_one, positive};
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels, NONE};
 use crate::lattice::Metric;
 use crate::neighborhood::{Grid, Search};
 use crate::union_find::UnionFind;
@@ -75,6 +75,10 @@ impl Segmentor for Dbscan {
     fn bytes_per_point(&self) -> usize {
         // One grid of all points, and a copy of the core points with one of their own.
         2 * Grid::BYTES_PER_POINT + 60
+    }
+
+    fn cause(&self) -> Cause {
+        Cause::Noise
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

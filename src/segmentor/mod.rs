@@ -24,14 +24,14 @@ use std::ops::Range;
 use crate::certificate::Tally;
 use crate::error::{Error, Result};
 use crate::front::Frontier;
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels, NONE};
 use crate::neighborhood::Search;
 use crate::window::{Halo, Window};
 
 /// What a segmentor says of a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segmented {
-    /// One label per point; −1 where there is none, or none yet: a later window may see more.
+    /// One label per point; a cause where there is none, or none yet: a later window may see more.
     pub labels: Labels,
     /// Whether each label holds a point that may be a seed; none if all do.
     pub seeded: Option<Vec<bool>>,
@@ -54,10 +54,10 @@ impl From<Labels> for Segmented {
 }
 
 impl Segmented {
-    /// What is said of the points at `positions`, nothing where there is no position.
+    /// What is said of the points at `positions`, nothing where there is no position because the point is `lacking`.
     #[must_use]
-    pub fn take(self, positions: &[Option<u32>]) -> Self {
-        self.take_each(positions.iter().copied()).0
+    pub fn take(self, positions: &[Option<u32>], lacking: Cause) -> Self {
+        self.take_each(positions.iter().copied(), lacking).0
     }
 
     /// What is said of the points in `range` only, and which of its labels the points in `others` have.
@@ -65,7 +65,7 @@ impl Segmented {
     pub fn keep(self, range: Range<usize>, others: Range<usize>) -> (Self, Vec<i32>) {
         let mut of_others = self.labels.of_points()[others].to_vec();
         let mut number = vec![NONE as i32; self.labels.count()];
-        let (kept, old) = self.take_each(range.map(|position| Some(position as u32)));
+        let (kept, old) = self.take_each(range.map(|position| Some(position as u32)), Cause::BySegmentor);
         for (label, &old) in (0..).zip(&old) {
             number[old as usize] = label;
         }
@@ -73,16 +73,17 @@ impl Segmented {
         (kept, of_others)
     }
 
-    /// What is said of the points at `over`, spread over all of `points` points.
+    /// What is said of the points at `over`, spread over all of `points` points; the `others` have no label.
     #[must_use]
-    pub fn spread(self, over: &[u32], points: usize) -> Self {
+    pub fn spread(self, over: &[u32], points: usize, others: Cause) -> Self {
         let undecided = self.undecided.map(|undecided| undecided.iter().map(|&point| over[point as usize]).collect());
-        Self { labels: self.labels.spread(over, points), undecided, ..self }
+        Self { labels: self.labels.spread(over, points, others), undecided, ..self }
     }
 
     /// The same, with `more` points that could not be decided either.
     #[must_use]
     pub fn leaving_open(mut self, more: Vec<u32>) -> Self {
+        self.labels.because(more.iter().copied(), Cause::Undecided);
         let undecided = self.undecided.get_or_insert_default();
         undecided.extend(more);
         undecided.sort_unstable();
@@ -90,7 +91,7 @@ impl Segmented {
     }
 
     /// What is said of the points at `positions`, and for each of its labels which one it was.
-    fn take_each(self, positions: impl Iterator<Item = Option<u32>> + Clone) -> (Self, Vec<u32>) {
+    fn take_each(self, positions: impl Iterator<Item = Option<u32>> + Clone, lacking: Cause) -> (Self, Vec<u32>) {
         let is_among = |undecided: &[u32], at: Option<u32>| at.is_some_and(|at| undecided.binary_search(&at).is_ok());
         let undecided = self.undecided.map(|undecided| {
             let numbered = (0..).zip(positions.clone());
@@ -98,7 +99,7 @@ impl Segmented {
             let numbered = numbered.take(if undecided.is_empty() { 0 } else { usize::MAX });
             numbered.filter(|&(_, at)| is_among(&undecided, at)).map(|(point, _)| point).collect()
         });
-        let (labels, old) = self.labels.take(positions);
+        let (labels, old) = self.labels.take(positions, lacking);
         let kept = Self {
             labels,
             seeded: self.seeded.map(|seeded| old.iter().map(|&label| seeded[label as usize]).collect()),
@@ -197,20 +198,27 @@ pub trait Segmentor: Send + Sync {
     /// If the window cannot be segmented.
     fn segment(&self, window: &Window) -> Result<Segmented>;
 
+    /// Why a point that it has decided about may have no label.
+    fn cause(&self) -> Cause {
+        Cause::BySegmentor
+    }
+
     /// Whether segments of two windows that share points and have these planes are one.
     fn agree(&self, _: &Plane, _: &Plane) -> bool {
         true
     }
 }
 
-/// Has `segmentor` label the points of `window`.
+/// Has `segmentor` label the points of `window`, and says of those without a label why.
 ///
 /// # Errors
 /// If it fails, or does not return one label for each point.
 pub fn segment(segmentor: &dyn Segmentor, window: &Window) -> Result<Segmented> {
-    let segmented = segmentor.segment(window)?;
+    let mut segmented = segmentor.segment(window)?;
     let (given, points) = (segmented.labels.of_points().len(), window.points().len());
     if given == points {
+        segmented.labels.because(segmented.undecided.iter().flatten().copied(), Cause::Undecided);
+        segmented.labels.otherwise(segmentor.cause());
         return Ok(segmented);
     }
     let problem = format!("returned {given} labels for window {} of {points} points", window.index());

@@ -22,7 +22,8 @@
 //!
 //! The weaver never sees a coordinate. Steps 3 and 4 run on any number of threads, the ids do not depend on it.
 //!
-//! Departure: a point without a label is not in the table, so a later window may still give it one.
+//! Departure: a point without a label has no entry in the table, so a later window may still give it one. Until then the
+//! table knows why it has none, and that is counted when the point goes out of scope.
 
 mod aliases;
 mod carry;
@@ -48,7 +49,7 @@ pub use settling::Settling;
 
 use crate::crew::Crew;
 use crate::error::Result;
-use crate::label::{Labels, NONE, SegmentId};
+use crate::label::{ByCause, Cause, Labels, NONE, SegmentId};
 
 /// Points that one thread weaves at a time.
 const STRETCH: usize = 1 << 15;
@@ -119,6 +120,8 @@ pub struct EvictedSpan {
     pub raw_ids: Vec<SegmentId>,
     /// The segment id carried over from window to window.
     pub carried_ids: Vec<SegmentId>,
+    /// Why points have none.
+    pub unlabelled: ByCause,
     /// The segments that went with the span, then late joins of segments that had gone already.
     pub segments: Vec<SegmentRow>,
     /// How many of the rows are late joins.
@@ -271,13 +274,15 @@ impl Weaver {
         first.map_or(0, |span| span.first_arrival)
     }
 
-    /// Looks every labelled point up, adds the new ones and returns the runs of those that were there.
+    /// Looks every labelled point up, adds the new ones and returns the runs of those that were there. Notes of the others
+    /// why they have no label.
     fn look_up(&self, labels: &[i32], first_arrival: u64, first_id: SegmentId, crew: &Crew) -> Vec<Vec<Run>> {
         let table = &self.points;
         crew.map(stretches(labels.len()), |stretch| {
             let mut runs: Vec<Run> = Vec::new();
             for (arrival, &label) in (first_arrival + stretch.start as u64..).zip(&labels[stretch]) {
-                if label < 0 {
+                if let Some(cause) = Cause::of_label(label) {
+                    table.explain(arrival, cause);
                     continue;
                 }
                 if let Inserted::Kept(from) = table.insert_if_absent(arrival, first_id + SegmentId::from(label)) {
@@ -319,8 +324,14 @@ impl Weaver {
 
     fn evict(&mut self, span: LiveSpan) -> EvictedSpan {
         let end = span.first_arrival + span.points as u64;
-        let raw_ids: Vec<SegmentId> =
-            (span.first_arrival..end).map(|arrival| self.points.get(arrival).unwrap_or(NONE)).collect();
+        let mut unlabelled = ByCause::default();
+        let raw_id = |arrival| {
+            self.points.find(arrival).unwrap_or_else(|cause| {
+                unlabelled.add(cause, 1);
+                NONE
+            })
+        };
+        let raw_ids: Vec<SegmentId> = (span.first_arrival..end).map(raw_id).collect();
         let mut carried_ids = raw_ids.clone();
         for run in carried_ids.chunk_by_mut(|a, b| a == b) {
             if run[0] != NONE {
@@ -332,6 +343,7 @@ impl Weaver {
             index: span.index,
             raw_ids,
             carried_ids,
+            unlabelled,
             segments: self.segments.evict_with(span.index),
             late_joins: 0,
             aliases: std::mem::take(&mut self.untold),

@@ -7,23 +7,27 @@
 //!            base                             next
 //!   ┌─────────┬──────────┬──────────┬──────────┬─────────┐      word of arrival a: words[a mod capacity]
 //!   │ evicted │  span 4  │  span 5  │  span 6  │  free   │      bits 63..56  lap of the ring, 1..=255; 0 = never written
-//!   └─────────┴──────────┴──────────┴──────────┴─────────┘      bits 55..0   segment id, from 1
+//!   └─────────┴──────────┴──────────┴──────────┴─────────┘      bits 55..0   segment id, from 1; at the top, a cause
 //! ```
 //!
 //! A word belongs to an arrival only if it carries the arrival's lap. So evicting a span means moving `base` on: nothing
 //! is cleared, nothing is freed, and a reader that comes late finds another lap and answers "none". A stale word would
-//! have to survive 255 laps to be taken for a live one; points without a segment overwrite nothing, so the words of
-//! every 255th lap are cleared when its points come in.
+//! have to survive 255 laps to be taken for a live one; points that nobody has written yet overwrite nothing, so the words
+//! of every 255th lap are cleared when its points come in.
+//!
+//! A point without a segment keeps *why* in the place of the id, so that none can leave without a reason. It is no entry: a
+//! later window may still give the point a segment.
 //!
 //! # What writers and readers may see
-//! Any number of threads may look up and insert at once. A word is written at most once per lap, by one compare-exchange:
-//! of two writers for one point one wins and the other is told the winner's id. A word carries all there is to know, no
+//! Any number of threads may look up and insert at once. An id is written at most once per lap, by one compare-exchange:
+//! of two writers for one point one wins and the other is told the winner's id. A cause gives way to an id and to an
+//! earlier cause only, so what is left depends on no order. A word carries all there is to know, no
 //! other memory is published through it, so all word accesses are `Relaxed`: the coherence of a single atomic is enough.
 //! `base` is `Relaxed` too. It publishes nothing: whether a word belongs to an arrival is decided by its lap alone, and a
 //! reader that has not yet seen an eviction gets the evicted point's own id or none, never another's. Neither pairs with
 //! anything. Model-checked in `tests/weaver_model.rs`.
 
-use crate::label::SegmentId;
+use crate::label::{Cause, SegmentId};
 use crate::sync::{AtomicU64, Ordering};
 
 /// One segment id per point in scope.
@@ -39,6 +43,9 @@ pub struct PointSegment {
 const ID_BITS: u32 = 56;
 const ID_MASK: u64 = (1 << ID_BITS) - 1;
 const LAPS: u64 = 255;
+
+/// From here on a word tells why a point has no segment; no id is as large.
+const WHY: u64 = ID_MASK - Cause::ALL.len() as u64;
 
 /// What an insertion found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,9 +93,9 @@ impl PointSegment {
     fn grow(&mut self, live: usize) {
         let grown = Self { words: ring(live), base: AtomicU64::new(self.base()), next: self.next };
         for arrival in self.base()..self.next {
-            if let Some(id) = self.get(arrival) {
+            if let Some(told) = self.told(arrival) {
                 // Relaxed: nobody else has the new table yet.
-                grown.word(arrival).store(grown.packed(arrival, id), Ordering::Relaxed);
+                grown.word(arrival).store(grown.packed(arrival, told), Ordering::Relaxed);
             }
         }
         *self = grown;
@@ -104,24 +111,40 @@ impl PointSegment {
         &self.words[arrival as usize & (self.words.len() - 1)]
     }
 
-    /// The word of `arrival` with `id`.
+    /// The word of `arrival` with what is told of it.
     #[inline]
-    fn packed(&self, arrival: u64, id: SegmentId) -> u64 {
+    fn packed(&self, arrival: u64, told: u64) -> u64 {
         let lap = self.lap(arrival) % LAPS + 1;
-        lap << ID_BITS | (id as u64 & ID_MASK)
+        lap << ID_BITS | (told & ID_MASK)
+    }
+
+    /// What a word tells of `arrival`: an id or a cause; nothing if it is another's.
+    #[inline]
+    fn unpacked(&self, arrival: u64, word: u64) -> Option<u64> {
+        (word >> ID_BITS == self.packed(arrival, 0) >> ID_BITS).then_some(word & ID_MASK)
     }
 
     #[inline]
-    fn unpacked(&self, arrival: u64, word: u64) -> Option<SegmentId> {
-        (word >> ID_BITS == self.packed(arrival, 0) >> ID_BITS).then_some((word & ID_MASK) as SegmentId)
+    fn told(&self, arrival: u64) -> Option<u64> {
+        // Relaxed: see "What writers and readers may see".
+        let word = self.word(arrival).load(Ordering::Relaxed);
+        if arrival < self.base() { None } else { self.unpacked(arrival, word) }
     }
 
     /// The segment id of a point in scope, if it has one.
     #[inline]
     pub fn get(&self, arrival: u64) -> Option<SegmentId> {
-        // Relaxed: see "What writers and readers may see".
-        let word = self.word(arrival).load(Ordering::Relaxed);
-        if arrival < self.base() { None } else { self.unpacked(arrival, word) }
+        self.told(arrival).and_then(segment_id)
+    }
+
+    /// The segment id of a point in scope, or else why it has none.
+    ///
+    /// # Errors
+    /// With the reason, if the point has no segment id.
+    #[inline]
+    pub fn find(&self, arrival: u64) -> std::result::Result<SegmentId, Cause> {
+        let told = self.told(arrival).ok_or(Cause::BySegmentor)?;
+        segment_id(told).ok_or(cause(told))
     }
 
     /// Gives `id` to a point in scope that has none; a point that has one keeps it.
@@ -131,11 +154,27 @@ impl PointSegment {
         // Relaxed, all three: see "What writers and readers may see".
         let mut seen = word.load(Ordering::Relaxed);
         loop {
-            if let Some(kept) = self.unpacked(arrival, seen) {
+            if let Some(kept) = self.unpacked(arrival, seen).and_then(segment_id) {
                 return Inserted::Kept(kept);
             }
-            match word.compare_exchange(seen, self.packed(arrival, id), Ordering::Relaxed, Ordering::Relaxed) {
+            match word.compare_exchange(seen, self.packed(arrival, id as u64), Ordering::Relaxed, Ordering::Relaxed) {
                 Ok(_) => return Inserted::New,
+                Err(now) => seen = now,
+            }
+        }
+    }
+
+    /// Notes why a point in scope has no segment, unless it has one, or an earlier cause is known.
+    #[inline]
+    pub fn explain(&self, arrival: u64, why: Cause) {
+        let word = self.word(arrival);
+        let noted = self.packed(arrival, WHY + why as u64);
+        // Relaxed, all three: see "What writers and readers may see".
+        let mut seen = word.load(Ordering::Relaxed);
+        // Any id is smaller than any cause.
+        while self.unpacked(arrival, seen).is_none() || seen > noted {
+            match word.compare_exchange(seen, noted, Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return,
                 Err(now) => seen = now,
             }
         }
@@ -151,6 +190,16 @@ impl PointSegment {
     pub fn live(&self) -> usize {
         (self.base()..self.next).filter(|&arrival| self.get(arrival).is_some()).count()
     }
+}
+
+/// The id that a word tells; none if it tells why there is none.
+#[inline]
+fn segment_id(told: u64) -> Option<SegmentId> {
+    (told < WHY).then_some(told as SegmentId)
+}
+
+fn cause(told: u64) -> Cause {
+    Cause::ALL.get((told - WHY) as usize).copied().unwrap_or(Cause::BySegmentor)
 }
 
 fn ring(capacity: usize) -> Box<[AtomicU64]> {
@@ -173,6 +222,24 @@ mod tests {
         assert_eq!(table.live(), 1);
     }
 
+    #[test]
+    fn the_earliest_cause_stays_until_there_is_an_id() {
+        let mut table = PointSegment::with_capacity(1);
+        let point = table.extend(1);
+        assert_eq!(table.find(point), Err(Cause::BySegmentor));
+        for (said, known) in
+            [(Cause::Undecided, Cause::Undecided), (Cause::Noise, Cause::Noise), (Cause::Filtered, Cause::Noise)]
+        {
+            table.explain(point, said);
+            assert_eq!((table.find(point), table.get(point), table.live()), (Err(known), None, 0));
+        }
+        table.extend(5);
+        assert_eq!(table.find(point), Err(Cause::Noise), "also in a larger table");
+        assert_eq!(table.insert_if_absent(point, 4), Inserted::New);
+        table.explain(point, Cause::BySegmentor);
+        assert_eq!(table.find(point), Ok(4));
+    }
+
     proptest! {
         /// The ring behaves like a map from which the oldest keys are removed.
         #[test]
@@ -184,6 +251,7 @@ mod tests {
                 let first = table.extend(arriving);
                 // Every second point of the new ones gets an id; some older ones are offered another.
                 for arrival in (base..first + arriving as u64).filter(|a| a % 2 == 0) {
+                    table.explain(arrival, Cause::ALL[id as usize % Cause::ALL.len()]);
                     let expected = map.get(&arrival).map_or(Inserted::New, |&kept| Inserted::Kept(kept));
                     prop_assert_eq!(table.insert_if_absent(arrival, id), expected);
                     map.entry(arrival).or_insert(id);

@@ -7,7 +7,7 @@
 
 use super::{Aliases, Closed};
 use crate::error::Result;
-use crate::label::{NONE, SegmentId};
+use crate::label::{ByCause, Cause, NONE, SegmentId};
 use crate::size::{SizeLimits, Sort};
 
 /// What final ids become; by default nothing is left out and nothing numbered anew.
@@ -17,8 +17,8 @@ pub struct Selection {
     /// Final ids and their numbers by size, if there is an order; by id.
     numbers: Option<Vec<[SegmentId; 2]>>,
     kept_segments: u64,
-    left_out_segments: u64,
-    left_out_points: u64,
+    left_out_segments: ByCause,
+    left_out_points: ByCause,
 }
 
 impl Selection {
@@ -27,17 +27,29 @@ impl Selection {
     /// # Errors
     /// If the temporary file of the log cannot be read.
     pub fn new(log: &mut Aliases, limits: SizeLimits, sort: Sort) -> Result<Self> {
-        let mut selection = Self { limits: Some(limits), ..Self::default() };
+        Self::among(log, Some(limits), sort)
+    }
+
+    /// Keeps all wholes that the log tells of, seeds or not, and counts them.
+    ///
+    /// # Errors
+    /// If the temporary file of the log cannot be read.
+    pub fn everything(log: &mut Aliases) -> Result<Self> {
+        Self::among(log, None, Sort::Native)
+    }
+
+    fn among(log: &mut Aliases, limits: Option<SizeLimits>, sort: Sort) -> Result<Self> {
+        let mut selection = Self { limits, ..Self::default() };
         let mut kept: Vec<(u64, SegmentId)> = Vec::new();
         log.for_each_closed(|whole| {
-            if selection.keeps(whole) {
-                selection.kept_segments += 1;
+            if let Some(cause) = selection.refusal(whole) {
+                selection.left_out_segments.add(cause, u64::from(whole.points > 0));
+                selection.left_out_points.add(cause, whole.points);
+            } else {
+                selection.kept_segments += u64::from(whole.points > 0);
                 if sort != Sort::Native {
                     kept.push((whole.points, whole.id));
                 }
-            } else if whole.points > 0 {
-                selection.left_out_segments += 1;
-                selection.left_out_points += whole.points;
             }
         })?;
         if sort != Sort::Native {
@@ -46,14 +58,20 @@ impl Selection {
         Ok(selection)
     }
 
-    fn keeps(&self, whole: &Closed) -> bool {
-        self.limits.is_none_or(|limits| whole.has_seed && limits.contains(whole.points))
+    /// Why a whole is left out; none if it is kept. Whether it has a seed is asked first, as a segmentor would.
+    fn refusal(&self, whole: &Closed) -> Option<Cause> {
+        let limits = self.limits?;
+        if !whole.has_seed {
+            return Some(Cause::NoSeed);
+        }
+        let size = if whole.points < limits.min() { Cause::TooSmall } else { Cause::TooLarge };
+        (!limits.contains(whole.points)).then_some(size)
     }
 
     /// What the id of a closed whole becomes; [`NONE`] if it is left out.
     pub fn id_of(&self, whole: &Closed) -> SegmentId {
         match &self.numbers {
-            _ if !self.keeps(whole) => NONE,
+            _ if self.refusal(whole).is_some() => NONE,
             None => whole.id,
             Some(numbers) => {
                 numbers.binary_search_by_key(&whole.id, |[id, _]| *id).map_or(NONE, |place| numbers[place][1])
@@ -66,14 +84,14 @@ impl Selection {
         self.kept_segments
     }
 
-    /// How many segments are left out.
-    pub fn left_out_segments(&self) -> u64 {
-        self.left_out_segments
+    /// How many segments are left out, and why.
+    pub fn left_out_segments(&self) -> &ByCause {
+        &self.left_out_segments
     }
 
     /// How many points they hold.
-    pub fn left_out_points(&self) -> u64 {
-        self.left_out_points
+    pub fn left_out_points(&self) -> &ByCause {
+        &self.left_out_points
     }
 }
 
@@ -107,7 +125,8 @@ mod tests {
         let selection = Selection::new(&mut log, limits, sort)?;
         let mut ids = [1, 2, 3, 4, 5, NONE];
         log.resolve(&mut ids, &selection)?;
-        Ok((ids, [selection.kept_segments(), selection.left_out_segments(), selection.left_out_points()]))
+        let left_out = [selection.left_out_segments(), selection.left_out_points()].map(ByCause::total);
+        Ok((ids, [selection.kept_segments(), left_out[0], left_out[1]]))
     }
 
     #[test]
@@ -116,6 +135,18 @@ mod tests {
         assert_eq!(selected(limits(1, None), Sort::Native).unwrap(), ([1, 2, -1, 4, -1, -1], [3, 1, 9]));
         assert_eq!(selected(limits(3, None), Sort::Native).unwrap(), ([1, -1, -1, 4, -1, -1], [2, 2, 11]));
         assert_eq!(selected(limits(1, Some(4)), Sort::Native).unwrap(), ([-1, 2, -1, -1, -1, -1], [1, 3, 19]));
+    }
+
+    #[test]
+    fn what_is_left_out_has_one_cause() {
+        let limits = SizeLimits::new(3, Some(4)).unwrap();
+        let selection = Selection::new(&mut log(), limits, Sort::Native).unwrap();
+        for (cause, segments, points) in [(Cause::NoSeed, 1, 9), (Cause::TooSmall, 1, 2), (Cause::TooLarge, 2, 10)] {
+            assert_eq!(selection.left_out_segments().of(cause), segments);
+            assert_eq!(selection.left_out_points().of(cause), points);
+        }
+        let everything = Selection::everything(&mut log()).unwrap();
+        assert_eq!((everything.kept_segments(), everything.left_out_points().total()), (4, 0));
     }
 
     #[test]

@@ -153,7 +153,8 @@ pub fn static_labels_with(
     let span = Span { index: 0, point_ids: PointIds::From(0), points, attributes, extent: None };
     let window = Window::with_halo(0, vec![Arc::new(span)], 0..1, lattice, &segmentor.reads());
     let labels = segmentor.segment(&window).unwrap();
-    labels.labels.of_points().iter().copied().map(i64::from).collect()
+    // Whatever the cause, no label is no label.
+    labels.labels.of_points().iter().map(|&label| i64::from(label.max(-1))).collect()
 }
 
 /// The point ids of a span.

@@ -14,11 +14,11 @@ import typer
 
 from .. import __version__, description
 from ..errors import InvalidParameter, StreamsegError, StreamsegWarning
-from ..files import resolve_file
+from ..files import resolved_file
 from ..history import History
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from . import interrupt, methods, voice, wording
+from . import interrupt, methods, summary, voice, wording
 from .arguments import INTERNAL, MOST, WRONG, IdName, Inputs, InToOut, Output, Overwrite
 from .plan import explained
 from .segment import segment
@@ -57,11 +57,13 @@ def resolve(
 ) -> None:
     """Write IN to OUT with the final segment ids that HISTORY resolves to."""
     with ProgressBars() as bars:
-        points = resolve_file(
+        outcome = resolved_file(
             history, inputs, output, limits=limits, overwrite=overwrite, id_name=id_name, on_write=bars.on_write
         )
-    typer.echo(f"{output}: {points:,} points with final segment ids")
-    if not History(history).manifest["complete"]:
+    manifest = History(history).manifest
+    for sentence in summary.of_resolution(outcome, manifest["parameters"], output):
+        typer.echo(sentence)
+    if not manifest["complete"]:
         raise typer.Exit(WRONG)
 
 
@@ -97,7 +99,7 @@ def preview(
     """Draw LABELLED from above, neighboring segments in different colors."""
     with wording.called(size="--size"):
         drawn = draw_preview(labelled, output, shade=shade.value, size=size, overwrite=overwrite, id_name=id_name)
-    typer.echo(f"{output}: {drawn.points:,} points in {len(drawn.counts):,} segments")
+    typer.echo(f"{output}: {summary.in_segments(drawn.points, drawn.none, len(drawn.counts))}")
 
 
 @app.command()

@@ -11,11 +11,11 @@ from typing import Annotated, Any
 import typer
 
 from ..errors import InvalidParameter
-from ..files import Outcome, segment_file
+from ..files import segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
-from . import methods
+from . import methods, summary
 from .arguments import MOST, WRONG, IdName, Inputs, Output, Overwrite, say
 from .choice import chosen
 from .reach import odd_reach
@@ -160,7 +160,8 @@ def segment(
             on_open=bars.on_open,
         )
     if not quiet:
-        _summarize(outcome, choice["segmentor"], output, history, result)
+        for sentence in summary.of_run(outcome, choice, output, history, result.value):
+            typer.echo(sentence)
     if result is not Result.history:
         odd_reach(outcome, choice["segmentor"], quiet=quiet)
     if preview is not None:
@@ -190,44 +191,3 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
 
 def _written_at(output: Path) -> int | None:
     return output.stat().st_mtime_ns if output.exists() else None
-
-
-def _summarize(outcome: Outcome, segmentor: Any, output: Path, history: Path | None, result: Result) -> None:
-    noun = {"final": "segments", "carry": "segments as far as was known", "history": "raw segment ids"}[result.value]
-    typer.echo(
-        f"{output}: {outcome.points:,} points in {outcome.segments:,} {noun}{_left_out(outcome, segmentor)}, "
-        f"{outcome.windows:,} windows; {outcome.promise}"
-    )
-    if not outcome.segments and (why := _why_none(outcome, segmentor)):
-        typer.echo(why)
-    if outcome.certificate != (0,) * len(outcome.certificate):
-        proven = "; equal to the static result, proven" if outcome.is_proven else ""
-        typer.echo(f"certificate: {outcome.certificate}{proven}")
-    if outcome.aliases:
-        where = f"they are in {history / 'alias'}" if history else "--history keeps them, --result final applies them"
-        typer.echo(f"{outcome.aliases:,} ids have become another's after they were written; {where}")
-    if history is not None:
-        typer.echo(f"history in {history}")
-
-
-def _why_none(outcome: Outcome, segmentor: Any) -> str | None:
-    """Say why there is no segment, where it is known."""
-    if outcome.left_out.segments:
-        return "no segment is left: --min-size and --max-size say which sizes are kept"
-    if getattr(segmentor, "k", None) == 1:
-        return "no segment: with --k 1 a point has no neighbor but itself"
-    if getattr(segmentor, "filter", None) is not None:
-        return f"no segment: does --filter {segmentor.filter!r} leave any point?"
-    if getattr(segmentor, "min_points", None) is not None:
-        return f"no segment: no point has {segmentor.min_points:,} neighbors within --eps; make that larger"
-    return None
-
-
-def _left_out(outcome: Outcome, segmentor: Any) -> str:
-    if not outcome.left_out.segments:
-        return ""
-    smallest, largest = (getattr(segmentor, name, None) for name in ("min_segment_size", "max_segment_size"))
-    reasons = [f"smaller than {smallest:,} points"] if smallest is not None and smallest > 1 else []
-    reasons += [f"larger than {largest:,} points"] if largest is not None else []
-    why = " or ".join(reasons) or "without a seed"
-    return f", {outcome.left_out.segments:,} {why} left out ({outcome.left_out.points:,} points)"

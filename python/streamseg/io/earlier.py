@@ -8,13 +8,12 @@ of the input, and a whole number in it.
 from __future__ import annotations
 
 import re
-from itertools import islice
 from typing import TYPE_CHECKING
 
 from ..errors import StreamsegError
 from .labels import SEGMENT_DIMENSION
 from .text import SUFFIXES as TEXT_SUFFIXES
-from .text import TextLayout, TextSource, open_text
+from .text import TextLayout, TextSource
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,16 +100,23 @@ def _is_our_text(path: Path, inputs: Sequence[Path]) -> bool:
 
 def _first_point(path: Path) -> list[str]:
     """Split the first line of points; nothing if there is none."""
-    layout = _layout(path)
-    if layout is None:
+    source = _source(path)
+    if source is None:
         return []
-    with open_text(path) as file:
-        line = next(islice(file, layout.skipped, None), "")
-    return line.partition("#")[0].rstrip().split(layout.delimiter)
+    try:
+        (line,) = next(source.lines(1), [""])
+    except (StreamsegError, OSError):
+        return []
+    return line.split(source.layout.delimiter)
 
 
 def _layout(path: Path) -> TextLayout | None:
+    source = _source(path)
+    return None if source is None else source.layout
+
+
+def _source(path: Path) -> TextSource | None:
     try:
-        return TextSource(path).layout if path.is_file() else None
+        return TextSource(path) if path.is_file() else None
     except (StreamsegError, OSError):
         return None

@@ -21,7 +21,7 @@ use std::f64::consts::SQRT_2;
 use super::{Exactness, Plane, Segmented, Segmentor};
 use crate::error::{Error, Result, positive};
 use crate::expression::Calculator;
-use crate::label::{Labels, NONE};
+use crate::label::{Cause, Labels};
 use crate::neighborhood::{Grid, Search};
 use crate::window::Window;
 use adjustment::Sums;
@@ -165,6 +165,10 @@ impl Segmentor for PlaneExtraction {
         Grid::BYTES_PER_POINT + 110
     }
 
+    fn cause(&self) -> Cause {
+        Cause::InNoPlane
+    }
+
     fn segment(&self, window: &Window) -> Result<Segmented> {
         let [x, y, z, sigmas] = NEEDED.map(|name| column(window, name));
         let turns = self.turns(window)?;
@@ -209,7 +213,7 @@ fn planes(window: &Window, labels: &Labels, mosaic: &Mosaic) -> Vec<Plane> {
     let lattice = window.lattice();
     let mut sums: Vec<Option<(u32, Sums)>> = vec![None; labels.count()];
     for (point, &label) in (0..).zip(labels.of_points()) {
-        if i64::from(label) != NONE {
+        if label >= 0 {
             let (first, sums) = sums[label as usize].get_or_insert((point, Sums::default()));
             sums.add(lattice.offset_between(&window.points()[*first as usize], &window.points()[point as usize]));
         }

@@ -19,6 +19,7 @@ mod surface;
 
 use super::{Exactness, Segmented, Segmentor};
 use crate::error::{Error, Result};
+use crate::label::Cause;
 use crate::neighborhood::{Grid, Neighbor, Neighborhoods, Search, support};
 use crate::window::Window;
 use surface::Surface;
@@ -166,6 +167,13 @@ impl Segmentor for RegionGrowing {
 
     fn bytes_per_point(&self) -> usize {
         Grid::BYTES_PER_POINT + 60
+    }
+
+    fn cause(&self) -> Cause {
+        match self.growth.form {
+            Form::OrderFree => Cause::InNoRegion,
+            Form::Literal { .. } => Cause::NoSeed,
+        }
     }
 
     fn segment(&self, window: &Window) -> Result<Segmented> {

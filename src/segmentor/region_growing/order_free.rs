@@ -16,7 +16,7 @@
 
 use super::surface::Surface;
 use super::{Neighbors, Segmented};
-use crate::label::Labels;
+use crate::label::{Cause, Labels};
 use crate::union_find::UnionFind;
 use crate::window::Window;
 
@@ -85,5 +85,5 @@ pub(super) fn segment(window: &Window, surface: &Surface, mut neighbors: Neighbo
 fn labels(members: &[u32], representatives: &[u32]) -> Labels {
     let labelled: Vec<u32> = (0..).zip(members).filter(|(_, member)| **member != NOBODY).map(|(i, _)| i).collect();
     let of_labelled = labelled.iter().map(|&point| representatives[members[point as usize] as usize]);
-    Labels::from_representatives(of_labelled, members.len()).spread(&labelled, members.len())
+    Labels::from_representatives(of_labelled, members.len()).spread(&labelled, members.len(), Cause::InNoRegion)
 }

@@ -1,6 +1,10 @@
 //! Labels, which mean something inside one window, and segment ids, which mean the same along the whole stream.
 
+mod cause;
+
 use std::collections::HashMap;
+
+pub use cause::{ByCause, Cause};
 
 /// A number that means the same along the whole stream: from 1 upward in window order, never reused.
 pub type SegmentId = i64;
@@ -11,7 +15,8 @@ pub const NONE: i64 = -1;
 /// One label per point of a window, in the canonical numbering: 0, 1, 2 … in the order in which a label first occurs.
 ///
 /// Canonical labels depend on the partition and on the order of the points only, so they are the same for any number
-/// of threads and any way in which a segmentor came to its partition.
+/// of threads and any way in which a segmentor came to its partition. Where a point has none, its [`Cause`] stands in
+/// the label's place; [`NONE`] as long as no other is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Labels {
     of_point: Vec<i32>,
@@ -43,7 +48,7 @@ impl Labels {
         Self { of_point, count: count as u32 }
     }
 
-    /// The label of each point; −1 = none.
+    /// The label of each point; below 0 = none, and why.
     pub fn of_points(&self) -> &[i32] {
         &self.of_point
     }
@@ -53,15 +58,32 @@ impl Labels {
         self.count as usize
     }
 
-    /// The labels of the points at `positions`, none where there is no position; and for each of these labels which one it
-    /// was.
-    pub fn take(&self, positions: impl Iterator<Item = Option<u32>>) -> (Self, Vec<u32>) {
+    /// The same with a cause for those of `points` that have no label, whatever the cause has been.
+    pub fn because(&mut self, points: impl IntoIterator<Item = u32>, cause: Cause) {
+        for point in points {
+            let label = &mut self.of_point[point as usize];
+            if *label < 0 {
+                *label = cause.label();
+            }
+        }
+    }
+
+    /// The same with a cause for all points that have no label and no other cause.
+    pub fn otherwise(&mut self, cause: Cause) {
+        if cause != Cause::BySegmentor {
+            self.of_point.iter_mut().filter(|label| **label == NONE as i32).for_each(|label| *label = cause.label());
+        }
+    }
+
+    /// The labels of the points at `positions`, `lacking` where there is no position; and for each of these labels which
+    /// one it was.
+    pub fn take(&self, positions: impl Iterator<Item = Option<u32>>, lacking: Cause) -> (Self, Vec<u32>) {
         let mut number = vec![NONE as i32; self.count()];
         let mut old = Vec::new();
         let of_point = positions
             .map(|position| {
-                let label = position.map_or(NONE as i32, |position| self.of_point[position as usize]);
-                if label == NONE as i32 {
+                let label = position.map_or(lacking.label(), |position| self.of_point[position as usize]);
+                if label < 0 {
                     return label;
                 }
                 let number = &mut number[label as usize];
@@ -75,9 +97,9 @@ impl Labels {
         (Self { of_point, count: old.len() as u32 }, old)
     }
 
-    /// Spreads the labels of some of `points` points over all of them: the others get none.
-    pub(crate) fn spread(self, over: &[u32], points: usize) -> Self {
-        let mut of_point = vec![NONE as i32; points];
+    /// Spreads the labels of some of `points` points over all of them: the `others` get none.
+    pub(crate) fn spread(self, over: &[u32], points: usize, others: Cause) -> Self {
+        let mut of_point = vec![others.label(); points];
         for (&position, label) in over.iter().zip(self.of_point) {
             of_point[position as usize] = label;
         }
@@ -130,15 +152,25 @@ mod tests {
     #[test]
     fn some_of_the_labels_are_numbered_anew() {
         let labels = Labels::from_any(&[5, 6, 7, 6, -1]);
-        let (some, old) = labels.take([Some(3), None, Some(2), Some(1), Some(4)].into_iter());
-        assert_eq!(some.of_points(), [0, -1, 1, 0, -1]);
+        let (some, old) = labels.take([Some(3), None, Some(2), Some(1), Some(4)].into_iter(), Cause::Removed);
+        assert_eq!(some.of_points(), [0, Cause::Removed.label(), 1, 0, -1]);
         assert_eq!((some.count(), old), (2, vec![1, 2]));
     }
 
     #[test]
     fn points_left_out_get_no_label() {
-        let labels = Labels::from_any(&[5, 6]).spread(&[1, 3], 4);
-        assert_eq!(labels.of_points(), [-1, 0, -1, 1]);
+        let filtered = Cause::Filtered.label();
+        let labels = Labels::from_any(&[5, 6]).spread(&[1, 3], 4, Cause::Filtered);
+        assert_eq!(labels.of_points(), [filtered, 0, filtered, 1]);
         assert_eq!(labels.count(), 2);
+    }
+
+    #[test]
+    fn a_cause_is_said_of_points_without_a_label_only() {
+        let mut labels = Labels::from_any(&[5, -1, -1, -1]).spread(&[0, 1, 2, 4], 5, Cause::Filtered);
+        labels.because([0, 1, 3], Cause::Undecided);
+        labels.otherwise(Cause::Noise);
+        let [undecided, noise] = [Cause::Undecided, Cause::Noise].map(Cause::label);
+        assert_eq!(labels.of_points(), [0, undecided, noise, undecided, noise]);
     }
 }
