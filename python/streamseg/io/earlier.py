@@ -104,7 +104,7 @@ def _first_point(path: Path) -> list[str]:
     if source is None:
         return []
     try:
-        (line,) = next(source.lines(1), [""])
+        (line,), _ = next(source.lines(1), ([""], None))
     except (StreamsegError, OSError):
         return []
     return line.split(source.layout.delimiter)
