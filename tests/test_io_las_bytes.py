@@ -123,7 +123,7 @@ def write_odd(path: Path, point_format: int, minor: int, is_one_channel: bool = 
     evlrs = []
     if minor >= 4:
         evlrs.append(Record(b"\1\2", FULL_USER, 99, FULL_ABOUT, bytes(70_000)))
-    if (point_format in WAVEFORMS and minor >= 3) or minor >= 4:
+    if minor >= 4 or (point_format in WAVEFORMS and minor == 3):
         evlrs.append(
             Record(b"\0\0", b"LASF_Spec".ljust(16, b"\0"), 65535, b"waves".ljust(32, b"\0"), bytes(range(200)))
         )

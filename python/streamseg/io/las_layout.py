@@ -68,13 +68,17 @@ def labelled_layout(sources: Sequence[LasSource], ids: ExtraDimension) -> Layout
     taken = {*point_format.dimension_names, *(point_format.dtype().names or ())}
     if twice := [one.name for one in union if one.name in taken]:
         raise InvalidInput(
-            f"these files cannot be written as one: {twice[0]!r} is an extra dimension of one and a standard one of another"
+            f"these files cannot be written as one: {twice[0]!r} is an extra dimension of one and a standard one of "
+            "another"
         )
     _add(point_format, union)
     if point_format.size > _LONGEST_POINT:
         size = point_format.size
         raise InvalidInput(f"points would take {size} bytes each with a segment id; LAS allows {_LONGEST_POINT}")
-    header, records, last = first.raw_header, _records(sources, union), list[Record]()
+    records = _records(sources, union)
+    if any(len(record.data) > LONGEST_VLR for record in records):
+        raise InvalidInput(f"there are {len(union):,} extra dimensions with the segment id; LAS can describe 341")
+    header, last = first.raw_header, list[Record]()
     says_wkt = bool(header[ENCODING_AT] & WKT_BIT)
     if donor := donor_of_system(sources):
         says_wkt = bool(donor.raw_header[ENCODING_AT] & WKT_BIT)
@@ -116,6 +120,7 @@ def new_layout(ids: ExtraDimension) -> Layout:
 
 
 def id_dimension(name: str, dtype: np.dtype[Any]) -> ExtraDimension:
+    """Make the dimension of segment ids."""
     packed = _EXTRA_DIMENSION.pack(_TYPE_CODES[dtype.str], 0, name.encode(), _ABOUT_IDS)
     return ExtraDimension(name, dtype, packed)
 

@@ -39,7 +39,10 @@ _ITEMS_AT, _ITEM_BYTES, _WAVEFORM_ITEM = 34, 6, 9
 
 
 class LasWriter:
-    """A LAS or LAZ file that is being written, laid out as given; only what tells of its points changes in the header."""
+    """A LAS or LAZ file that is being written, laid out as given.
+
+    In the header only that changes which tells of the points.
+    """
 
     def __init__(self, file: BinaryIO, layout: Layout, lattice: Lattice, compressed: bool) -> None:
         point_format, records = layout.point_format, list(layout.records)

@@ -142,7 +142,8 @@ def read_labels(
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Read a labelled LAS, LAZ or text file in pieces of at most `chunk` points.
 
-    The ids are in the dimension or column `id_name`; ``SegmentID`` if it is not given. Text without a line of names has its segment ids in the last column.
+    The ids are in the dimension or column `id_name`; ``SegmentID`` if it is not given. Text without a line of names
+    has its segment ids in the last column.
 
     Yields
     ------

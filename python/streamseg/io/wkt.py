@@ -111,7 +111,7 @@ def _is_cartesian(system: Node) -> bool:
 
 
 def _axis_units(system: Node, is_geographic: bool) -> tuple[str | None, str | None]:
-    """Unit of the first axis, and that of the third if there is one."""
+    """Find the unit of the first axis, and that of the third if there is one."""
     own = [_unit(node, is_geographic) for node in system.children(_UNITS)]
     axes = list(system.children({"AXIS"}))
     of_axes = [next((_unit(node, is_geographic) for node in axis.children(_UNITS)), None) for axis in axes]
