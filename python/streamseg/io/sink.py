@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, cast
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import FileError, InvalidInput, warn
 from .cloud import DEFAULT_CHUNK, Cloud
 from .labels import SEGMENT_DIMENSION, LabelSource
 from .output import check_output, replacing
@@ -81,6 +81,7 @@ def write_labelled(
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out.suffix.lower())
     done = written = 0
+    told = cloud.damage
     with replacing(out) as file:
         sink.begin(file)
         for count, block in sink.blocks():
@@ -94,9 +95,14 @@ def write_labelled(
             done += count
             if progress is not None:
                 progress(done)
+        if done == 0 and cloud.damage is not None:
+            raise FileError(cloud.damage)
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
         sink.finish()
+    if cloud.damage not in (None, told):
+        # More is decoded for writing than for segmenting, so more damage may be met.
+        warn(cloud.damage)
     return written
 
 
