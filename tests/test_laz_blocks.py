@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from reference import laz_files
+from streamseg import Proximity, segment_file
 from streamseg.errors import FileError, StreamsegWarning
 from streamseg.io import open_cloud
 
@@ -105,18 +106,31 @@ def test_damage_in_every_chunk_leaves_exactly_the_chunks_before_it(clips: list[L
             assert np.array_equal(seen.points, clip.steps[: len(seen.points)])
 
 
-def test_a_damaged_layer_is_told_by_the_run_that_decodes_it(clips: list[LazFile], tmp_path: Path) -> None:
+@pytest.mark.parametrize("chunk", [0, 1])
+def test_a_damaged_layer_is_told_by_the_run_that_decodes_it(clips: list[LazFile], tmp_path: Path, chunk: int) -> None:
     clip = clips[4]
-    size, layers = clip.records.itemsize, 11
-    (_, *sizes) = struct.unpack_from(f"<{1 + layers}I", clip.path.read_bytes(), clip.starts[0] + size)
-    first = clip.starts[0] + size + 4 * (1 + layers)
-    intensity = first + sum(sizes[:4])
+    size, layers, start = clip.records.itemsize, 11, clip.starts[chunk]
+    (_, *sizes) = struct.unpack_from(f"<{1 + layers}I", clip.path.read_bytes(), start + size)
+    intensity = start + size + 4 * (1 + layers) + sum(sizes[:4])
     path = overwritten(clip, intensity + 50, b"\xff" * 60, tmp_path / "hit.laz")
     cloud = open_cloud(path)
     assert np.array_equal(np.concatenate([chunk.points for chunk in cloud.chunks()]), clip.steps)
     assert cloud.damage is None
-    with pytest.raises(FileError, match="none of its 30,000 points could be read"):
-        list(cloud.chunks(attributes=("intensity",)))
+    # More is decoded to be written than to be segmented.
+    if chunk == 0:
+        for read_all in (
+            lambda: list(cloud.chunks(attributes=("intensity",))),
+            lambda: segment_file(path, tmp_path / "out.laz", Proximity(1.0)),
+        ):
+            with pytest.raises(FileError, match="none of its 30,000 points could be read"):
+                read_all()
+    else:
+        assert sum(len(chunk.points) for chunk in cloud.chunks(attributes=("intensity",))) == 9_000
+        with pytest.warns(StreamsegWarning, match=r"hit\.laz is damaged after point 9,000 of") as caught:
+            outcome = segment_file(path, tmp_path / "out.laz", Proximity(1.0))
+        assert len(caught) == 1
+        assert outcome.damage == str(caught[0].message)
+        assert outcome.points == 9_000
     assert np.array_equal(np.concatenate([chunk.points for chunk in cloud.chunks()]), clip.steps)
 
 

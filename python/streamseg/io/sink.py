@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, cast
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import FileError, InvalidInput, warn
 from .cloud import DEFAULT_CHUNK, Cloud
 from .home import Home
 from .id_column import checked_id_name, id_type
@@ -91,7 +91,7 @@ def write_labelled(
     check_output(out, cloud.paths, overwrite)
     sink = _sink(cloud, out, id_name, labels)
     done = written = labelled = 0
-    home = Home(f"the writing of {out}")
+    told, home = cloud.damage, Home(f"the writing of {out}")
     with replacing(out, overwrite=overwrite) as file:
         sink.begin(file)
         for count, block in sink.blocks():
@@ -107,6 +107,8 @@ def write_labelled(
             if progress is not None:
                 progress(done)
                 home.check()
+        if done == 0 and cloud.damage is not None:
+            raise FileError(cloud.damage)
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
         if expected is not None and labelled != expected:
@@ -117,6 +119,9 @@ def write_labelled(
             )
         sink.finish()
         cloud.check_unchanged()
+    if cloud.damage not in (None, told):
+        # More is decoded for writing than for segmenting, so more damage may be met.
+        warn(cloud.damage)
     return written
 
 
