@@ -1,6 +1,7 @@
 """The command line as people use it: what they get, and what they are told when something is wrong."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -78,7 +79,7 @@ def test_info_of_a_cloud_and_of_a_history(run: Run, strip: Path) -> None:
     told = run("info", strip).stdout
     assert "30,000" in told
     assert "gps_time" in told
-    suggested = next(line for line in told.splitlines() if line.startswith("try")).split()[2:]
+    suggested = shlex.split(next(line for line in told.splitlines() if line.startswith("try")))[2:]
     suggested[suggested.index("OUT.laz")] = "tried.laz"
     assert run(*suggested).returncode == 0
     run("segment", strip, "out.laz", "--distance", 1, "--history", "past")

@@ -189,7 +189,7 @@ def test_spacing_in_space_and_on_the_map(tmp_path: Path) -> None:
     lines = told(saved(tmp_path, floors * [1, 1, 3]))
     assert lines["spacing"].startswith("about 1 in space, 1 on the map")
     assert "layers" not in lines  # 3 is not much more than 1
-    assert told(saved(tmp_path, floors * [1, 1, 9]))["layers"].startswith("100 %")
+    assert told(saved(tmp_path, floors * [1, 1, 20]))["layers"].startswith("100 %")
 
 
 def test_invalid_points_are_dropped_by_the_proposal(tmp_path: Path) -> None:
