@@ -93,17 +93,15 @@ impl PyPipeline {
         let (home, stopper) = (Home::of("the stream"), Stopper::default());
         let exactness = segmentor.exactness();
         let is_in_stream_order = counts.is_none() && !by.is_in_space();
-        let (spans, mut assessment) = match counts {
-            Some(PySlabCounts(counts)) => (
-                finalized_spans_of(chunks, by, &lattice, counts)?,
-                exactness.assess(counts.by(), window.0, &lattice).finalized(),
-            ),
-            // Not of a source whose slabs are counted: those would be as if it had changed.
-            None => {
-                let spans = spans_of(stopper.until_asked(chunks), by, &lattice, source)?;
-                let as_cut = || exactness.assess(by, window.0, &lattice);
-                (spans, if brings_back { exactness.assess_bringing_back() } else { as_cut() })
-            }
+        let mut assessment = match counts {
+            Some(PySlabCounts(counts)) => exactness.assess(counts.by(), window.0, &lattice).finalized(),
+            None if brings_back => exactness.assess_bringing_back(),
+            None => exactness.assess(by, window.0, &lattice),
+        };
+        let spans = match counts {
+            // Not stopped between two chunks: its slabs would be as if it had changed since they were counted.
+            Some(PySlabCounts(counts)) => finalized_spans_of(chunks, by, &lattice, counts)?,
+            None => spans_of(stopper.until_asked(chunks), by, &lattice, source)?,
         };
         let crew = Crew::new(threads)?;
         let name = segmentor.name().to_string();
@@ -308,7 +306,9 @@ pub struct PyTurn(Mutex<Option<Arc<()>>>);
 
 #[pymethods]
 impl PyTurn {
-    fn __enter__(&self) {}
+    fn __enter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
 
     #[pyo3(signature = (*_args))]
     fn __exit__(&self, _args: &Bound<'_, PyTuple>) {
