@@ -55,6 +55,11 @@ class CompressedPoints:
             with Decoders() as decoders:
                 self._layout = self._found(decoders)
         self.fits = self._finder.fits(self.count, self._layout)
+        if self._compression.compressor == POINTWISE:
+            self.remark = (
+                f"{path.name} is compressed in one piece, as LASzip 1 did: it is decoded on one core, and damage "
+                "would cost all points after it; rewrite it in chunks with laszip or PDAL"
+            )
         if self._layout is not None:
             self._hold_against_header(self._layout)
         if self.count == 0 and self._finder.has_data:
