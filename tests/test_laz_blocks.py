@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import struct
 import warnings
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import laspy
@@ -17,7 +18,7 @@ import pytest
 from reference import laz_files
 from streamseg import Proximity, segment_file
 from streamseg.errors import FileError, StreamsegWarning
-from streamseg.io import open_cloud
+from streamseg.io import laz_decoder, open_cloud
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -98,40 +99,64 @@ def test_a_block_of_damage_is_told_and_what_is_read_is_right(clips: list[LazFile
 def test_damage_in_every_chunk_leaves_exactly_the_chunks_before_it(clips: list[LazFile], tmp_path: Path) -> None:
     noise = np.random.default_rng(1).bytes(200)
     for clip in clips:
-        for index, (start, end) in enumerate(zip(clip.starts, clip.starts[1:], strict=False)):
-            seen = read(overwritten(clip, (start + end) // 2 - 100, noise[: (end - start) // 2], tmp_path / "hit.laz"))
-            whole = sum(clip.counts[:index])
-            is_unread_layer = seen.told is None and len(seen.points) == len(clip.records)
-            assert is_unread_layer or len(seen.points) == whole, (clip.path.name, index)
+        for start, end in pairwise(clip.starts):
+            at = (start + end) // 2 - 100
+            seen = read(overwritten(clip, at, noise[: (end - start) // 2], tmp_path / "hit.laz"))
+            assert seen.told is not None, (clip.path.name, start)
+            assert len(seen.points) == clip.points_before(at), (clip.path.name, start)
             assert np.array_equal(seen.points, clip.steps[: len(seen.points)])
 
 
 @pytest.mark.parametrize("chunk", [0, 1])
-def test_a_damaged_layer_is_told_by_the_run_that_decodes_it(clips: list[LazFile], tmp_path: Path, chunk: int) -> None:
+def test_a_damaged_layer_is_told_whatever_a_run_needs(clips: list[LazFile], tmp_path: Path, chunk: int) -> None:
     clip = clips[4]
     size, layers, start = clip.records.itemsize, 11, clip.starts[chunk]
     (_, *sizes) = struct.unpack_from(f"<{1 + layers}I", clip.path.read_bytes(), start + size)
     intensity = start + size + 4 * (1 + layers) + sum(sizes[:4])
     path = overwritten(clip, intensity + 50, b"\xff" * 60, tmp_path / "hit.laz")
     cloud = open_cloud(path)
-    assert np.array_equal(np.concatenate([chunk.points for chunk in cloud.chunks()]), clip.steps)
-    assert cloud.damage is None
-    # More is decoded to be written than to be segmented.
     if chunk == 0:
-        for read_all in (
-            lambda: list(cloud.chunks(attributes=("intensity",))),
-            lambda: segment_file(path, tmp_path / "out.laz", Proximity(1.0)),
-        ):
-            with pytest.raises(FileError, match="none of its 30,000 points could be read"):
-                read_all()
-    else:
-        assert sum(len(chunk.points) for chunk in cloud.chunks(attributes=("intensity",))) == 9_000
-        with pytest.warns(StreamsegWarning, match=r"hit\.laz is damaged after point 9,000 of") as caught:
-            outcome = segment_file(path, tmp_path / "out.laz", Proximity(1.0))
-        assert len(caught) == 1
-        assert outcome.damage == str(caught[0].message)
-        assert outcome.points == 9_000
-    assert np.array_equal(np.concatenate([chunk.points for chunk in cloud.chunks()]), clip.steps)
+        with pytest.raises(FileError, match="none of its 30,000 points could be read"):
+            list(cloud.chunks())
+        return
+    for attributes in ((), ("intensity",), ()):
+        assert sum(len(chunk.points) for chunk in cloud.chunks(attributes=attributes)) == 9_000
+        assert cloud.damage is not None
+    with pytest.warns(StreamsegWarning, match=r"hit\.laz is damaged after point 9,000 of") as caught:
+        outcome = segment_file(path, tmp_path / "out.laz", Proximity(1.0))
+    assert len(caught) == 1
+    assert outcome.damage == str(caught[0].message)
+    assert outcome.points == 9_000
+
+
+def test_a_chunk_that_another_encoder_has_written_is_proven_by_where_it_ends(clips: list[LazFile]) -> None:
+    for clip, layered in ((clips[0], False), (clips[4], True)):
+        raw, record = clip.path.read_bytes(), _laszip_record(clip.path)
+        request = laz_decoder.Request(
+            laz_decoder.CHUNK,
+            bytes(clip.path),
+            record,
+            clip.starts[0],
+            clip.starts[1] - clip.starts[0],
+            clip.counts[0],
+            clip.records.itemsize,
+        )
+        stored = raw[clip.starts[0] : clip.starts[1]]
+        assert laz_decoder._is_same(stored, stored, request)
+        # A byte early on makes all that follows another; one at the end is damage.
+        early = stored[:400] + bytes([stored[400] ^ 1]) + stored[401:-200] + bytes(200)
+        assert not laz_decoder._is_same(stored, early, request)
+        assert not laz_decoder._is_same(stored, b"", request)
+        head = clip.records.itemsize + 4 * 12
+        end = head + struct.unpack_from("<I", stored, clip.records.itemsize + 4)[0] - 1 if layered else len(stored) - 1
+        late = stored[:end] + bytes([stored[end] ^ 1]) + stored[end + 1 :]
+        with pytest.raises(laz_decoder.Damage, match="do not end as they should"):
+            laz_decoder._is_same(stored, late, request)
+
+
+def _laszip_record(path: Path) -> bytes:
+    with laspy.open(path) as reader:
+        return bytes(reader.header.vlrs.get("LasZipVlr")[0].record_data)
 
 
 @pytest.mark.parametrize("index", range(len(CLIPS)))

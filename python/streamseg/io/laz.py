@@ -71,9 +71,10 @@ class CompressedPoints:
     def pieces(self, selection: int = EVERYTHING) -> Iterator[bytes | bytearray]:
         """Yield whole records of all chunks, up to the damage; then `reason` says what it is.
 
-        Layers outside of the selection are not decoded. What is proven is not proven again.
+        The first reading decodes and proves everything. Later ones decode the selected layers only.
         """
         left = self.count * self._size
+        selection = selection if self._proven == EVERYTHING else EVERYTHING
         with Decoders() as decoders:
             layout = self._layout = self._layout or self._found(decoders)
             self.unread, self.reason = layout.unread, layout.reason

@@ -1,8 +1,9 @@
 """Decodes LAZ and proves it, one chunk at a time: a script that runs in a process of its own.
 
 lazrs believes what it reads: damaged data can crash it, or pass for other points. A process of its
-own takes no run with it, and shows no panic text. What proves a chunk is that its decoder needs all
-of its bytes and none beyond; damage changes how many it needs.
+own takes no run with it, and shows no panic text. What proves a chunk is that its points give the same
+bytes when they are compressed again. Encoders of other kinds may choose others: then it counts that the
+decoder needs all bytes of the chunk and none beyond, for damage changes how many it needs.
 
 It starts within some 20 ms, because it imports no more than lazrs. Requests come in through stdin.
 Answers go out through stdout: pieces, each with its length in front; a 0; and what went wrong.
@@ -23,8 +24,10 @@ import lazrs
 LIBRARY: str = lazrs.__file__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from typing import Any
+
+    Decode = Callable[[BinaryIO, "Request"], Iterator[bytearray]]
 
 GREETING = b"LAZ?"
 LENGTH = struct.Struct("<I")
@@ -48,6 +51,10 @@ _PIECE = 1 << 20
 _HELD = 1 << 24
 _STEP = 4096
 _PADDING = bytes(64)
+_PLACE_OF_TABLE = 8
+
+# How an encoder ends depends on all that it has encoded; damage gives other last bytes than these.
+_END = 16
 
 
 class Request(NamedTuple):
@@ -139,11 +146,72 @@ def _pieces(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
         return _rest(file, request)
     decode = _layered if layers_of(request.record) else _pointwise
     if request.points * request.size <= _HELD:
-        return iter(list(decode(file, request)))
+        return iter(_proven(file, request, decode))
     if request.selection & ~request.proven:
         for _ in decode(file, request):
             pass
     return decode(file, request._replace(proven=EVERYTHING))
+
+
+def _proven(file: BinaryIO, request: Request, decode: Decode) -> list[bytearray]:
+    """Decode a chunk that can be held, and prove it."""
+    if request.selection == EVERYTHING and request.proven != EVERYTHING:
+        points = list(decode(file, request._replace(proven=EVERYTHING)))
+        file.seek(request.start)
+        if _is_same(file.read(request.length), _compressed(request, points), request):
+            return points
+    return list(decode(file, request))
+
+
+def _compressed(request: Request, points: Iterable[bytearray]) -> bytes:
+    """Compress a chunk again; nothing if there is no encoder of its kind."""
+    target = BytesIO()
+    try:
+        encoder = lazrs.LasZipCompressor(target, lazrs.LazVlr(_record_of_one_chunk(request)))
+        for block in points:
+            encoder.compress_many(block)
+        encoder.done()
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException:  # a Rust panic derives from BaseException only
+        return b""
+    return target.getvalue()[_PLACE_OF_TABLE:]
+
+
+def _is_same(stored: bytes, again: bytes, request: Request) -> bool:
+    """Tell whether a chunk was compressed to the bytes that are stored.
+
+    The table of chunks follows those of `again`.
+
+    Raises
+    ------
+    Damage
+        The same encoder has written it, and would have ended it in another way.
+    """
+    if again[: len(stored)] == stored:
+        return True
+    pairs = zip(_streams(stored, request), _streams(again, request), strict=True)
+    for ours, theirs in pairs:
+        is_alike = len(ours) == len(theirs) > 4 * _END and ours[:-_END] == theirs[:-_END]
+        if is_alike and ours != theirs:
+            raise Damage("the data of a chunk do not end as they should")
+    return False
+
+
+def _streams(chunk: bytes, request: Request) -> list[bytes]:
+    """Split a chunk into what is compressed in it: its layers, or all that follows the first point."""
+    bits = layers_of(request.record)
+    if not bits:
+        return [chunk[request.size : request.length]]
+    counts = struct.Struct(f"<{1 + len(bits)}I")
+    if len(chunk) < request.size + counts.size:
+        return [b""] * len(bits)
+    _, *sizes = counts.unpack_from(chunk, request.size)
+    at, streams = request.size + counts.size, []
+    for size in sizes:
+        streams.append(chunk[at : at + size])
+        at += size
+    return streams
 
 
 def _without(skip: int, pieces: Iterable[bytes | bytearray]) -> Iterator[bytes | bytearray]:
@@ -153,7 +221,7 @@ def _without(skip: int, pieces: Iterable[bytes | bytearray]) -> Iterator[bytes |
         skip = max(0, skip - len(piece))
 
 
-def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
+def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytearray]:
     """Decode a chunk, and a point behind it that is found only where the chunk should end."""
     sentinel = bytes((7 + place) & 0xFF for place in range(request.size))
     decoder = _decoder(request, _Part(file, request.start, request.length), BytesIO(sentinel + _PADDING))
@@ -164,7 +232,7 @@ def _pointwise(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
         raise Damage("the data of a chunk do not end where they should")
 
 
-def _layered(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
+def _layered(file: BinaryIO, request: Request) -> Iterator[bytearray]:
     """Decode a chunk, and prove its layers: one that lacks its last byte has to fail."""
     bits = layers_of(request.record)
     counts = struct.Struct(f"<{1 + len(bits)}I")
@@ -239,13 +307,17 @@ def _table(file: BinaryIO, request: Request) -> Iterator[bytes | bytearray]:
 
 def _decoder(request: Request, *parts: Any, selection: int = EVERYTHING) -> Any:
     """Make a decoder for one chunk that has just these points."""
+    place_of_table = BytesIO(bytes(_PLACE_OF_TABLE))
+    selected = lazrs.DecompressionSelection(selection >> 1)
+    return lazrs.LasZipDecompressor(_ForwardOnly(place_of_table, *parts), _record_of_one_chunk(request), selected)
+
+
+def _record_of_one_chunk(request: Request) -> bytes:
     record = bytearray(request.record)
     if struct.unpack_from("<H", record) == (POINTWISE,):  # one chunk, though it is not called so
         struct.pack_into("<H", record, 0, CHUNKED)
     struct.pack_into("<I", record, _CHUNK_SIZE_AT, request.points)
-    place_of_table = BytesIO(bytes(8))
-    selected = lazrs.DecompressionSelection(selection >> 1)
-    return lazrs.LasZipDecompressor(_ForwardOnly(place_of_table, *parts), bytes(record), selected)
+    return bytes(record)
 
 
 def _blocks(decoder: Any, points: int, size: int) -> Iterator[bytearray]:
