@@ -509,7 +509,7 @@ def test_verify_takes_the_methods_and_options_of_segment(run: Run, village: Path
 
 
 def test_verify_has_the_options_of_segment() -> None:
-    output = {"output", "result", "history", "preview", "overwrite"}
+    output = {"output", "result", "history", "preview", "overwrite", "id_name"}
     assert set(inspect.signature(verify).parameters) == set(inspect.signature(segment).parameters) - output
 
 
