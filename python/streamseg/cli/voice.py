@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from io import TextIOWrapper
 from typing import Any, TextIO
 
 from .arguments import WRONG
@@ -24,7 +25,7 @@ def heard() -> Iterator[None]:
     """Let the streams go silent, and the exit status tell it if all else went well."""
     _open_closed()
     out, told = _Voice(sys.stdout), _Voice(sys.stderr)
-    sys.stdout, sys.stderr = out, told  # type: ignore[assignment]
+    sys.stdout, sys.stderr = out, told
     try:
         yield
     except SystemExit as end:
@@ -45,7 +46,7 @@ class _Voice:
         # Where a process has none, there is nobody to hear.
         self._stream: Any = open(os.devnull, "w", encoding="utf-8") if stream is None else stream  # noqa: SIM115
         self.failure: OSError | None = None
-        if getattr(self._stream, "errors", None) == "strict":
+        if isinstance(self._stream, TextIOWrapper) and self._stream.errors == "strict":
             # Names of files may have letters that a terminal has not.
             self._stream.reconfigure(errors="backslashreplace")
 
