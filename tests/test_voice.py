@@ -68,7 +68,7 @@ def test_what_went_wrong_is_the_status_that_counts(folder: Path, around: str) ->
 
 @pytest.mark.parametrize("more", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}, {}], ids=str)
 def test_names_that_a_terminal_has_no_letters_for(folder: Path, more: dict[str, str]) -> None:
-    for name in ("höhe.xyz", os.fsdecode(b"h\xf6he.xyz"), "高さ.xyz"):
+    for name in (os.fsdecode(b"h\xf6he.xyz"), "高さ.xyz"):
         (folder / "in.xyz").replace(folder / name)
         done = run(folder, ["segment", name, "out.xyz", "--distance", "5", "--overwrite"], **more)
         assert (done.returncode, done.stderr) == (0, "")
