@@ -55,6 +55,7 @@ class RecordSink:
             for records in source.records(DEFAULT_CHUNK):
                 self._read += len(records)
                 yield len(records), (index, records.array)
+                del records  # before the next are read
             self._cloud.note_damage(source)
 
     def append(self, block: tuple[int, NDArray[np.void]], ids: NDArray[np.int64], kept: NDArray[np.bool_]) -> int:

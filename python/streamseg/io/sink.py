@@ -92,6 +92,7 @@ def write_labelled(
                 )
             written += sink.append(block, ids, reached)
             done += count
+            del block, ids, reached  # before the next are made
             if progress is not None:
                 progress(done)
         if written == 0:
