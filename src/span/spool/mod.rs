@@ -211,3 +211,32 @@ fn in_stream_order((point_ids, chunk): (Vec<i64>, Chunk)) -> (Vec<i64>, Chunk) {
 fn bytes_per_point(attributes: usize) -> usize {
     BYTES_PER_POINT + attributes * size_of::<f64>()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::span::Direction;
+
+    /// What lists keep to grow into counts, in whichever slab it is and however the slabs go.
+    #[test]
+    fn the_bytes_are_those_that_lists_take() {
+        let slab_of = SlabIndex::new(1.0, Direction::X, &Lattice::REAL);
+        let mut spool = Spool { most: 30, memory: 4000, ..Spool::new(slab_of, Lattice::REAL) };
+        let held = |spool: &Spool| spool.slabs.values().map(Slab::bytes_held).sum::<usize>();
+        let mut most = 0;
+        for turn in 0..40_i32 {
+            let xs = (0..7).map(|i| f64::from((turn * 7 + i * 5) % 11));
+            let chunk = Chunk { points: xs.clone().map(|x| [x, 0.0, 0.0]).collect(), attributes: vec![xs.collect()] };
+            spool.lay(&chunk, |_, _| ()).unwrap();
+            assert_eq!(spool.bytes, held(&spool));
+            most = most.max(spool.bytes);
+            spool.relieve().unwrap();
+            assert!(spool.bytes == held(&spool) && spool.bytes < spool.memory);
+        }
+        assert!(most >= spool.memory && spool.file.is_open());
+        while spool.hand_on().is_some() {
+            assert_eq!(spool.bytes, held(&spool));
+        }
+        assert_eq!(spool.bytes, 0);
+    }
+}
