@@ -305,5 +305,6 @@ fn no_text_makes_the_language_panic_or_hang() {
         slowest.1
     );
     assert!(read > texts / 20, "too few of the texts could be read to be worth the search: {read}");
-    assert!(slowest.0 < Duration::from_secs(2), "{slowest:?}");
+    // Far beyond what a busy machine makes of milliseconds: only a text that hangs takes as long.
+    assert!(slowest.0 < Duration::from_secs(60), "{slowest:?}");
 }

@@ -77,7 +77,7 @@ def test_the_spool_stays_small() -> None:
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert peak < 64 << 20  # of 128 MiB of pairs
+    assert peak < 24 << 20  # of 128 MiB of pairs
 
 
 def test_the_spool_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -71,6 +71,11 @@ impl Intake {
         }
     }
 
+    /// How many points of the stream the next window loads, if its spans have come.
+    pub fn next_points(&self) -> Option<usize> {
+        self.slider.next_points()
+    }
+
     /// Spans before this one are in no window but those that have been made.
     pub fn leaving(&self) -> Option<u64> {
         self.slider.next_first_span()

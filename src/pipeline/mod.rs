@@ -5,6 +5,7 @@
 //! change its scope have been woven; each further thread reads one window ahead. What is to the left of the segmentor is
 //! the [intake], what is to the right of it is [weaving].
 
+mod allowance;
 mod intake;
 mod late_joins;
 mod outgoing;
@@ -16,6 +17,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+pub use allowance::Allowance;
 pub use outgoing::{Outgoing, Progress, WovenWindow};
 pub use stopper::Stopper;
 
@@ -41,6 +43,8 @@ pub struct Pipeline {
     intake: Intake,
     segmentor: Arc<dyn Segmentor>,
     crew: Crew,
+    /// How much may be under way; none = as many windows as there are threads, however large.
+    allowance: Option<Allowance>,
     under_way: VecDeque<SegmentedWindow>,
     /// Where the points that a window could not decide can be looked at again.
     again: Option<LookAgain>,
@@ -64,6 +68,8 @@ pub struct Pipeline {
 /// A window that is being segmented.
 struct SegmentedWindow {
     index: u64,
+    /// How many points it has loaded.
+    points: u64,
     spans: Vec<Arc<Span>>,
     /// Spans before this one are in no later window.
     leaving: u64,
@@ -95,6 +101,7 @@ impl Pipeline {
             weaving: Weaving::new(Arc::clone(&segmentor), sees_far),
             segmentor,
             crew,
+            allowance: None,
             under_way: VecDeque::new(),
             again,
             undecided: Undecided::default(),
@@ -132,6 +139,12 @@ impl Pipeline {
         self.again = self.again.map(|again| again.with_attributes(&names));
         self.intake = self.intake.with_attributes(names);
         self
+    }
+
+    /// Takes a window only if that, with all that are under way, keeps to `allowance`.
+    #[must_use]
+    pub fn with_allowance(self, allowance: Allowance) -> Self {
+        Self { allowance: Some(allowance), ..self }
     }
 
     /// Brings points that have gone out of scope back to new windows within reach of them, for streams that may come back to
@@ -209,7 +222,7 @@ impl Pipeline {
         if self.stopper.deadline().is_some_and(|deadline| Instant::now() >= deadline) {
             self.give_up(None);
         }
-        if self.under_way.len() < self.crew.threads() && self.take_in() {
+        if self.has_room() && self.take_in() {
             return Ok(());
         }
         if !self.under_way.is_empty() {
@@ -217,6 +230,14 @@ impl Pipeline {
         }
         self.finish();
         Ok(())
+    }
+
+    /// Whether what is under way leaves a thread, and room for the window that would be next.
+    fn has_room(&self) -> bool {
+        let in_flight = self.under_way.iter().map(|window| window.points).sum();
+        let is_allowed = |points| self.allowance.is_none_or(|allowance| allowance.has_room_for(points, in_flight));
+        self.under_way.len() < self.crew.threads()
+            && self.intake.next_points().is_none_or(|points| is_allowed(points as u64))
     }
 
     /// Takes the next span in, or has a window segmented that is complete; whether there was anything.
@@ -234,13 +255,21 @@ impl Pipeline {
 
     fn segment_window(&mut self, window: Window, context: Option<Context>) {
         let segmentor = Arc::clone(&self.segmentor);
-        let (index, spans) = (window.index(), window.own_spans().to_vec());
+        let (index, points, spans) = (window.index(), window.len() as u64, window.own_spans().to_vec());
         let is_last =
             spans.last().is_some_and(|span| span.extent.is_some_and(|Extent { high, .. }| high == f64::INFINITY));
         let leaving = self.intake.leaving().filter(|_| !is_last).unwrap_or(u64::MAX);
         let before = context.as_ref().map_or(0, Context::len);
         let look = self.crew.start(move || look(&*segmentor, &window, before));
-        self.under_way.push_back(SegmentedWindow { index, spans, leaving, context, look, is_second_look: false });
+        self.under_way.push_back(SegmentedWindow {
+            index,
+            points,
+            spans,
+            leaving,
+            context,
+            look,
+            is_second_look: false,
+        });
     }
 
     /// Waits for the oldest window under way and weaves it, unless some of its points have to be looked at again first.

@@ -103,6 +103,13 @@ impl Plan {
         self.at_a_time
     }
 
+    /// Bytes that the windows at work may take together, and bytes of each point that they load. A window that is larger
+    /// than there is room for, where the cloud is densest, then has no other beside it.
+    pub fn at_work(&self) -> (u64, u64) {
+        let per_point = self.footprint.work();
+        (self.at_a_time as u64 * self.room() as u64 * per_point, per_point)
+    }
+
     /// The windows that there will be.
     pub fn windows(&self) -> &[PlannedWindow] {
         &self.windows
@@ -110,7 +117,7 @@ impl Plan {
 
     /// The bytes that a run is expected to take at most on so many threads.
     pub fn peak(&self, threads: usize) -> u64 {
-        self.footprint.peak(self.most_points(), self.at_work(threads))
+        self.footprint.peak(self.most_points(), self.working(threads))
     }
 
     /// One sentence, if even the smallest windows do not keep to the budget, or what comes before and after them.
@@ -149,7 +156,7 @@ impl Plan {
     }
 
     /// How many windows so many threads work on at the same time.
-    fn at_work(&self, threads: usize) -> usize {
+    fn working(&self, threads: usize) -> usize {
         threads.min(self.at_a_time).min(self.windows.len()).max(1)
     }
 }

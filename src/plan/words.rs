@@ -47,7 +47,7 @@ impl Plan {
         let peak = bytes(self.peak(threads));
         lines.push((
             "expected",
-            format!("a peak of about {peak} with {} at a time", plural(self.at_work(threads) as u64, "window")),
+            format!("a peak of about {peak} with {} at a time", plural(self.working(threads) as u64, "window")),
         ));
         lines.extend(self.warning().map(|warning| ("warning", warning)));
         lines

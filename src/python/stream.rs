@@ -13,6 +13,7 @@ use super::errors::{StreamInUse, StreamsegError, guarded};
 use super::finalization::PySlabCounts;
 use super::home::Home;
 use super::numbers::Whole;
+use super::plan::PyPlan;
 use super::segmentors::PyRecipe;
 use super::selection::{Named, Selected, SizeOptions, named, selected};
 use super::spans::{PyWindowSize, span_by};
@@ -20,7 +21,7 @@ use crate::certificate::Certificate;
 use crate::crew::Crew;
 use crate::error::Error;
 use crate::lattice::Lattice;
-use crate::pipeline::{Outgoing, Pipeline, Progress, Stopper, WovenWindow};
+use crate::pipeline::{Allowance, Outgoing, Pipeline, Progress, Stopper, WovenWindow};
 use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
 use crate::span::{Source, Span, finalized_spans_of, spans_of};
@@ -85,6 +86,7 @@ impl PyPipeline {
         let max = max_segment_size.map(|max| max.named("max_segment_size")).transpose()?;
         let sizes = SizeOptions::new(min_segment_size.named("min_segment_size")?, max, sort)?;
         let segmentor = Arc::clone(&recipe.segmentor);
+        let plan = spans.and_then(|spans| spans.cast::<PyPlan>().ok());
         let by = span_by(spans)?;
         let lattice = lattice_of(lattice)?;
         let source = if stored { Source::Stored } else { Source::Live };
@@ -111,6 +113,10 @@ impl PyPipeline {
             .with_look_up(move |progress| look_up(home, progress, on_progress.as_ref()));
         if pipeline.looks_again() {
             assessment = assessment.with_second_looks();
+        }
+        if let Some(plan) = plan {
+            let (bytes, per_point) = plan.get().plan.at_work();
+            pipeline = pipeline.with_allowance(Allowance::new(bytes, per_point));
         }
         if brings_back {
             pipeline = pipeline.with_revisit(Revisit::new(exactness, lattice)?);

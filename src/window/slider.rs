@@ -94,8 +94,18 @@ impl Slider {
         self.next_frame().map(|frame| self.gather(frame))
     }
 
+    /// How many points the next window loads, if the spans that it needs have come.
+    pub fn next_points(&self) -> Option<usize> {
+        self.next_end().map(|end| self.loads(end))
+    }
+
     /// The spans of the next window.
     pub(crate) fn next_frame(&mut self) -> Option<Frame> {
+        self.next_end().map(|end| self.advance(end))
+    }
+
+    /// Where the own spans of the next window end, if those that it needs have come.
+    fn next_end(&self) -> Option<usize> {
         let there = self.held.len() - self.before;
         let end = self.before + self.size.spans().min(there);
         let is_ready = there >= self.size.spans() && self.has_halo(end);
@@ -103,8 +113,7 @@ impl Slider {
         if !(is_ready || self.ended && there > self.shared) {
             return None;
         }
-        let end = self.size.room().map_or(Some(end), |room| self.fill(end, room))?;
-        Some(self.advance(end))
+        self.size.room().map_or(Some(end), |room| self.fill(end, room))
     }
 
     /// Where the own spans end if behind `end` as many more are taken as there is room for; none while that depends on

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import sys
 import warnings
 from enum import Enum
@@ -20,6 +18,7 @@ from ..preview import preview as draw_preview
 from ..progress import ProgressBars
 from . import interrupt, methods, summary, voice, wording
 from .arguments import INTERNAL, MOST, WRONG, IdName, Inputs, InToOut, Output, Overwrite
+from .memory import give_memory_back
 from .plan import explained
 from .segment import segment
 from .verify import verify
@@ -157,20 +156,9 @@ def _as_typed(message: object) -> str:
     return wording.as_typed(str(message), methods.PARAMETERS)
 
 
-def _give_memory_back() -> None:
-    """Have the C library give large buffers back to the system when they are freed.
-
-    By default glibc learns from every freed buffer, up to 32 MiB, to keep such sizes, in every thread. What is kept
-    then depends on chance, and adds a third to the memory of a run.
-    """
-    mmap_threshold = -3  # glibc's M_MMAP_THRESHOLD
-    with contextlib.suppress(OSError, AttributeError, TypeError):
-        ctypes.CDLL(None).mallopt(mmap_threshold, 1 << 20)
-
-
 def main() -> NoReturn:
     """Run the command line; errors are one sentence each."""
-    _give_memory_back()
+    give_memory_back()
     warnings.showwarning = _warn
     with voice.heard():
         _run()

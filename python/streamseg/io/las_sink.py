@@ -64,6 +64,7 @@ class RecordSink:
                     self._read += len(records)
                     reading.add(_steps(records))
                     yield len(records), (index, records.array)
+                    del records  # before the next are read
                 reading.is_damaged = source.damage is not None
             self._cloud.note_damage(source)
 

@@ -104,6 +104,7 @@ def write_labelled(
             labelled += int(np.count_nonzero(reached))
             written += sink.append(block, ids, reached)
             done += count
+            del block, ids, reached  # before the next are made
             if progress is not None:
                 progress(done)
                 home.check()

@@ -45,10 +45,11 @@ enum Edges {
 
 impl Delaunay {
     /// The neighborhood of points whose horizontal positions are `horizontal` and whose heights order the stacks.
-    /// Positions have to be finite, below 10⁶⁰, and zero where they are nearer to it than 2⁻¹⁴².
-    pub fn new(horizontal: &[[f64; 2]], height: impl Fn(u32) -> f64) -> Self {
-        let order = curve_order(horizontal, height);
-        let position = |at: u32| horizontal[order[at as usize] as usize];
+    /// Positions have to be finite, below 10⁶⁰, and zero where they are nearer to it than 2⁻¹⁴². Those that are given away
+    /// are gone when the triangulation comes.
+    pub fn new(horizontal: impl AsRef<[[f64; 2]]>, height: impl Fn(u32) -> f64) -> Self {
+        let order = curve_order(horizontal.as_ref(), height);
+        let position = |at: u32| horizontal.as_ref()[order[at as usize] as usize];
         let mut starts: Vec<u32> = Vec::with_capacity(order.len() + 1);
         for at in 0..order.len() as u32 {
             if at == 0 || position(at) != position(at - 1) {
@@ -57,6 +58,7 @@ impl Delaunay {
         }
         let stacks: Vec<[f64; 2]> = starts.iter().map(|&at| position(at)).collect();
         starts.push(order.len() as u32);
+        drop(horizontal);
         let edges = match corner(&stacks) {
             None => Edges::Line(along_line(&stacks)),
             Some(corner) => triangulate(&stacks, corner),

@@ -125,8 +125,7 @@ impl Proximity {
     fn segment_triangulation(&self, window: &Window) -> Segmented {
         let points = window.points();
         let horizontal: Vec<[f64; 2]> = points.iter().map(|point| window.lattice().horizontal(point)).collect();
-        let neighbors = Delaunay::new(&horizontal, |i| points[i as usize][2]);
-        drop(horizontal);
+        let neighbors = Delaunay::new(horizontal, |i| points[i as usize][2]);
         // In the order of the neighborhood, near points are near in memory.
         let ordered = neighbors.order().iter().map(|&i| points[i as usize]).collect();
         let mut joined = Joined::new(ordered, Within::new(self.distance, self.metric, window.lattice()));

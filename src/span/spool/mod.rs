@@ -37,7 +37,7 @@ pub(super) struct Spool {
     open_from: i64,
     /// How many points wait.
     points: u64,
-    /// Bytes of those in memory, and how many there can be.
+    /// Bytes of those in memory, with the room that lists keep to grow into, and how many there can be.
     bytes: usize,
     pub(super) memory: usize,
     /// Most points of several slabs that are handed on as one span; 0 = each is one.
@@ -70,17 +70,18 @@ impl Spool {
     /// Puts the next points of the stream into their slabs, and tells `note` which slab lies where some of them lie. Points
     /// of a slab that has been handed on go to the next that has not.
     pub(super) fn lay(&mut self, chunk: &Chunk, mut note: impl FnMut(i64, Range<i64>)) -> Result<()> {
-        let Self { places, slabs, next_id: first_id, open_from, .. } = self;
+        let Self { places, slabs, next_id: first_id, open_from, bytes, .. } = self;
         places.for_each_run(&chunk.points, |at, run| {
             let ids = *first_id + run.start as i64..*first_id + run.end as i64;
             note(at, ids.clone());
             let slab = slabs.entry(at.max(*open_from)).or_default();
+            let before = slab.bytes_held();
             slab.point_ids.extend(ids);
             slab.held.append(chunk, run);
+            *bytes += slab.bytes_held() - before;
         })?;
         self.next_id += chunk.points.len() as i64;
         self.points += chunk.points.len() as u64;
-        self.bytes += chunk.points.len() * bytes_per_point(chunk.attributes.len());
         Ok(())
     }
 
@@ -112,13 +113,16 @@ impl Spool {
     /// The first slab, filled up with those behind it, and the numbers of the first and the last of them.
     fn pop_filled(&mut self) -> Option<(RangeInclusive<i64>, Slab)> {
         let (first, mut slab) = self.slabs.pop_first()?;
+        self.bytes = self.bytes.saturating_sub(slab.bytes_held());
         let mut last = first;
         while let Some(next) = self.slabs.first_entry()
             && slab.len() + next.get().len() <= self.most
             && self.most > 0
         {
             last = *next.key();
-            slab.append(next.remove());
+            let next = next.remove();
+            self.bytes = self.bytes.saturating_sub(next.bytes_held());
+            slab.append(next);
         }
         Some((first..=last, slab))
     }
@@ -129,7 +133,6 @@ impl Spool {
         let index = self.index;
         self.index += 1;
         self.open_from = taken.end() + 1;
-        self.bytes = self.bytes.saturating_sub(slab.held.points.len() * bytes_per_point(slab.held.attributes.len()));
         // Slabs passed over have no points, so the extent goes on to the next that has some.
         let (first, end) = ((index > 0).then_some(*taken.start()), self.slabs.keys().next().copied());
         let extent = Some(self.places.slab_of.extent(first, end, &self.lattice));
@@ -180,6 +183,13 @@ impl Slab {
         self.point_ids.len() + self.written.iter().map(|stretch| stretch.points).sum::<usize>()
     }
 
+    /// Bytes that its points take in memory: lists grow by doubling, so up to twice what they hold.
+    fn bytes_held(&self) -> usize {
+        let attributes: usize = self.held.attributes.iter().map(Vec::capacity).sum();
+        let (ids, points) = (self.point_ids.capacity(), self.held.points.capacity());
+        (ids + attributes) * size_of::<i64>() + points * size_of::<[f64; 3]>()
+    }
+
     fn append(&mut self, next: Slab) {
         self.written.extend(next.written);
         self.point_ids.extend(next.point_ids);
@@ -200,4 +210,33 @@ fn in_stream_order((point_ids, chunk): (Vec<i64>, Chunk)) -> (Vec<i64>, Chunk) {
 
 fn bytes_per_point(attributes: usize) -> usize {
     BYTES_PER_POINT + attributes * size_of::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::span::Direction;
+
+    /// What lists keep to grow into counts, in whichever slab it is and however the slabs go.
+    #[test]
+    fn the_bytes_are_those_that_lists_take() {
+        let slab_of = SlabIndex::new(1.0, Direction::X, &Lattice::REAL);
+        let mut spool = Spool { most: 30, memory: 4000, ..Spool::new(slab_of, Lattice::REAL) };
+        let held = |spool: &Spool| spool.slabs.values().map(Slab::bytes_held).sum::<usize>();
+        let mut most = 0;
+        for turn in 0..40_i32 {
+            let xs = (0..7).map(|i| f64::from((turn * 7 + i * 5) % 11));
+            let chunk = Chunk { points: xs.clone().map(|x| [x, 0.0, 0.0]).collect(), attributes: vec![xs.collect()] };
+            spool.lay(&chunk, |_, _| ()).unwrap();
+            assert_eq!(spool.bytes, held(&spool));
+            most = most.max(spool.bytes);
+            spool.relieve().unwrap();
+            assert!(spool.bytes == held(&spool) && spool.bytes < spool.memory);
+        }
+        assert!(most >= spool.memory && spool.file.is_open());
+        while spool.hand_on().is_some() {
+            assert_eq!(spool.bytes, held(&spool));
+        }
+        assert_eq!(spool.bytes, 0);
+    }
 }
