@@ -230,7 +230,7 @@ def test_classes_returns_and_time(tmp_path: Path) -> None:
 def test_which_columns_are_taken(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     np.savetxt(path, wall()[:100, [2, 1, 0]], delimiter=",", header="height,y,x", comments="")
-    assert told(path)["columns"] == "x is column 3 ('x'), y is column 2 ('y') and z is column 1 ('height')"
+    assert told(path)["columns"] == "x, y and z are column 3 (x), column 2 (y) and column 1 (height)"
 
 
 def test_numbers_that_are_no_classes_are_not_listed(tmp_path: Path) -> None:

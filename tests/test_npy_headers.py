@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from streamseg.errors import FileError, InvalidInput, StreamsegError, StreamsegWarning
+from streamseg.errors import FileError, InvalidInput, StreamsegError
 from streamseg.io import limits, npy, open_cloud
 
 if TYPE_CHECKING:
@@ -107,11 +107,11 @@ def test_x_beside_another_x(tmp_path: Path, names: str, taken: str | None) -> No
         assert points_of(open_cloud(tmp_path / "a.npy")).tolist() == [[names.split().index(n) for n in taken.split()]]
 
 
-def test_fields_in_degrees_are_warned_of(tmp_path: Path) -> None:
+def test_fields_in_degrees_are_told(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros(1, [("lat", "f8"), ("lon", "f8"), ("h", "f8")]))
-    with pytest.warns(StreamsegWarning, match="in degrees"):
-        cloud = open_cloud(tmp_path / "a.npy")
-    assert cloud.sources[0].coordinate_system_hint == "degrees"  # type: ignore[attr-defined]
+    cloud = open_cloud(tmp_path / "a.npy")
+    assert cloud.caution is not None
+    assert "longitude and latitude in degrees" in cloud.caution
 
 
 F8 = "<f8"

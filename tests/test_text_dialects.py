@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -247,17 +246,14 @@ def test_lines_longer_than_any_point_are_refused(tmp_path: Path) -> None:
     assert len(open_cloud(written(tmp_path, "a.xyz", b"1 " * 10_000)).dimensions) == 10_000
 
 
-def test_degrees_are_warned_of(tmp_path: Path) -> None:
-    path = written(tmp_path, "a.csv", "height,latitude,longitude\n3,2,1\n6,5,4\n")
-    with pytest.warns(StreamsegWarning, match="a.csv has longitude and latitude as x and y: .* in degrees, .* metres"):
-        cloud = open_cloud(path)
+def test_columns_in_degrees_are_told(tmp_path: Path) -> None:
+    cloud = open_cloud(written(tmp_path, "a.csv", "height,latitude,longitude\n3,2,1\n6,5,4\n"))
     assert points_of(cloud).tolist() == TWO
-    assert cloud.sources[0].coordinate_system_hint == "degrees"  # type: ignore[attr-defined]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        cloud = open_cloud(written(tmp_path, "b.csv", "x,y,z,lon,lat\n1,2,3,8,50\n4,5,6,8,50\n"))
+    assert cloud.caution is not None
+    assert "longitude and latitude in degrees" in cloud.caution
+    cloud = open_cloud(written(tmp_path, "b.csv", "x,y,z,lon,lat\n1,2,3,8,50\n4,5,6,8,50\n"))
     assert points_of(cloud).tolist() == TWO
-    assert cloud.sources[0].coordinate_system_hint is None  # type: ignore[attr-defined]
+    assert cloud.caution is None
 
 
 def test_columns_that_may_be_decimals_are_warned_of(tmp_path: Path) -> None:
@@ -267,14 +263,14 @@ def test_columns_that_may_be_decimals_are_warned_of(tmp_path: Path) -> None:
 
 
 def test_info_says_which_columns_are_x_y_and_z(tmp_path: Path) -> None:
-    assert dict(describe(written(tmp_path, "a.txt", "1 2 3\n4 5 6\n")))["x, y, z"] == (
-        "columns 1, 2 and 3, which have no names"
+    assert dict(describe(written(tmp_path, "a.txt", "1 2 3\n4 5 6\n")))["columns"] == (
+        "x, y and z are columns 1, 2 and 3, which have no names"
     )
-    assert dict(describe(written(tmp_path, "a.txt", "# i E N H\n9 1 2 3\n9 4 5 6\n")))["x, y, z"] == (
-        "column 2 (E), column 3 (N) and column 4 (H)"
+    assert dict(describe(written(tmp_path, "a.txt", "# i E N H\n9 1 2 3\n9 4 5 6\n")))["columns"] == (
+        "x, y and z are column 2 (E), column 3 (N) and column 4 (H)"
     )
     np.save(tmp_path / "a.npy", np.zeros(2, [("Y", "f4"), ("X", "f4"), ("Z", "f4")]))
-    assert dict(describe(tmp_path / "a.npy"))["x, y, z"] == "fields X, Y and Z"
+    assert dict(describe(tmp_path / "a.npy"))["columns"] == "x, y and z are fields X, Y and Z"
 
 
 def test_columns_are_reached_by_names_beyond_ascii(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
 # What x and y are called, whatever their case: the first pair that is there. The last ones are degrees.
 _IN_DEGREES = (("lon", "lat"), ("longitude", "latitude"), ("long", "lat"), ("lng", "lat"))
@@ -67,14 +66,6 @@ def listed(names: Sequence[str]) -> str:
     """List names for people: not all of many, and not all of long ones."""
     shown = [name if len(name) <= _LONGEST_SHOWN else f"{name[:_LONGEST_SHOWN]}…" for name in names[:_MOST_SHOWN]]
     return ", ".join([*shown, "…"] if len(names) > _MOST_SHOWN else shown)
-
-
-def sentence_on_degrees(path: Path) -> str:
-    """Warn that distances would be in degrees."""
-    return (
-        f"{path} has longitude and latitude as x and y: geographic coordinates, in degrees, and a "
-        "distance of 1 would be one degree; bring them into a coordinate system in metres first"
-    )
 
 
 def _spelled_alike(names: Sequence[str], wanted: tuple[str, ...]) -> list[list[int]]:

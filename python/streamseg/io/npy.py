@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from ..errors import FileError, InvalidInput, warn
-from .axes import Axes, axes_of, listed, sentence_on_degrees
+from ..errors import FileError, InvalidInput
+from .axes import Axes, axes_of, listed
 from .cloud import Chunk, damage_sentence
+from .coordinate_system import LONGITUDE_LATITUDE
 from .lattice import Lattice
 from .limits import BLOCK_BYTES
 from .npy_header import Header, read_header
@@ -33,8 +34,8 @@ class NpySource:
 
     Attributes
     ----------
-    coordinate_system_hint : "degrees" or None
-        What the names of x and y say of the coordinate system.
+    coordinate_system : CoordinateSystem or None
+        What the names of x and y say of it.
     columns_said : str
         Which columns are x, y and z, for people.
     """
@@ -54,14 +55,12 @@ class NpySource:
         self._xyz = (self.dimensions[x], self.dimensions[y], self.dimensions[z])
         self.point_count: int | None = header.shape[0]
         self.number_type = header.dtype if header.dtype.names is None else header.dtype[self._xyz[0]]
-        self.coordinate_system_hint = "degrees" if axes.in_degrees else None
+        self.coordinate_system = LONGITUDE_LATITUDE if axes.in_degrees else None
         self.columns_said = (
-            "columns 1, 2 and 3, which have no names"
+            "x, y and z are columns 1, 2 and 3, which have no names"
             if header.dtype.names is None
-            else "fields {}, {} and {}".format(*self._xyz)
+            else "x, y and z are fields {}, {} and {}".format(*self._xyz)
         )
-        if axes.in_degrees:
-            warn(sentence_on_degrees(path))
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
         """Yield the points as float64."""

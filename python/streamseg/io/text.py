@@ -9,6 +9,7 @@ import numpy as np
 from ..errors import InvalidInput
 from .axes import listed
 from .cloud import Chunk
+from .coordinate_system import LONGITUDE_LATITUDE
 from .lattice import Lattice
 from .opening import reading
 from .text_layout import TextLayout, read_layout
@@ -39,8 +40,8 @@ class TextSource:
 
     Attributes
     ----------
-    coordinate_system_hint : "degrees" or None
-        What the names of x and y say of the coordinate system.
+    coordinate_system : CoordinateSystem or None
+        What the names of x and y say of it.
     columns_said : str
         Which columns are x, y and z, for people.
     """
@@ -54,7 +55,7 @@ class TextSource:
         self.layout, is_empty = read_layout(path)
         self.point_count: int | None = 0 if is_empty else None
         self.dimensions = self.layout.names
-        self.coordinate_system_hint = "degrees" if self.layout.axes.in_degrees else None
+        self.coordinate_system = LONGITUDE_LATITUDE if self.layout.axes.in_degrees else None
         self.columns_said = _columns_said(self.layout)
 
     def chunks(self, size: int, attributes: Sequence[str]) -> Iterator[Chunk]:
@@ -191,6 +192,6 @@ class _Scans:
 
 def _columns_said(layout: TextLayout) -> str:
     if layout.header is None:
-        return "columns 1, 2 and 3, which have no names"
+        return "x, y and z are columns 1, 2 and 3, which have no names"
     named = [f"column {place + 1} ({layout.names[place]})" for place in layout.xyz]
-    return f"{named[0]}, {named[1]} and {named[2]}"
+    return f"x, y and z are {named[0]}, {named[1]} and {named[2]}"

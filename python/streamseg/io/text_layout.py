@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..errors import FileError, InvalidInput, warn
-from .axes import Axes, sentence_on_degrees
+from .axes import Axes
 from .limits import MOST_COLUMNS
 from .opening import reading
 from .text_lines import BOM, without_comments
@@ -82,8 +82,6 @@ def read_layout(path: Path) -> tuple[TextLayout, bool]:
     ends_in_delimiter = may_end and (names is None or len(names.words) < width)
     if names is None:
         names = _by_place(path, lines, delimiter, width - ends_in_delimiter)
-    elif names.axes.in_degrees:
-        warn(sentence_on_degrees(path))
     joiner = delimiter or ("\t" if "\t" in lines[0] else " ")
     skipped = preamble.points[0].number - 1
     return TextLayout(
