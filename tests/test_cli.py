@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -233,6 +234,11 @@ def test_a_history_of_something_else_is_refused(run: Run, strip: Path, tmp_path:
     assert "past is the history of 30,000 points" in done.stderr
     same_size = ss.scenes.write(tmp_path / "same.laz", "street", 30_000)
     done = run("resolve", "past", same_size, "again.laz")
+    assert done.returncode == 2
+    assert "same.laz has other points than the history past was made from" in done.stderr
+    assert not (tmp_path / "again.laz").exists()
+    shutil.copy(strip, tmp_path / "copy.laz")
+    done = run("resolve", "past", tmp_path / "copy.laz", "again.laz")
     assert done.returncode == 0
     assert "warning: past is the history of" in done.stderr
 

@@ -252,7 +252,7 @@ def test_a_file_that_grows_meanwhile_is_told(tmp_path: Path) -> None:
             with path.open("a") as file:
                 np.savetxt(file, WALK[0])
 
-    with pytest.raises(ss.InvalidInput, match="the source has changed"):
+    with pytest.raises(ss.FileError, match=r"growing\.xyz has changed since it was opened"):
         ss.segment_file(
             path,
             tmp_path / "out.xyz",

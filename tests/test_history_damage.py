@@ -249,12 +249,19 @@ def export(folder: Path, to: Path) -> None:
     ss.History(folder).to_csv(to, overwrite=True)
 
 
-def test_a_history_of_other_points_writes_nothing(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("knows_digests", [True, False])
+def test_a_history_of_other_points_writes_nothing(folder: Path, tmp_path: Path, knows_digests: bool) -> None:
     """Text does not announce how many points it has."""
     np.savetxt(tmp_path / "fewer.xyz", POINTS[:700], "%g")
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text())
+    if not knows_digests:
+        del manifest["digests"]
+        path.write_text(json.dumps(manifest))
+    said = "fewer.xyz has other points than" if knows_digests else r"700 points of .* have labels, of 800"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ss.StreamsegWarning)
-        with pytest.raises(ss.InvalidInput, match=r"700 points of .* have labels, of 800"):
+        with pytest.raises(ss.InvalidInput, match=said):
             ss.resolve_file(folder, tmp_path / "fewer.xyz", tmp_path / "out.xyz")
     assert not (tmp_path / "out.xyz").exists()
 

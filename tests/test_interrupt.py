@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -227,3 +228,24 @@ def test_a_second_ctrl_c_ends_the_writing_and_says_so(tmp_path: Path) -> None:
         ss.segment_file(source, tmp_path / "out.laz", ss.Proximity(1.0), on_write=press)
     assert [path.name for path in tmp_path.iterdir()] == ["in.laz"]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+INTERRUPTED_SOURCE = """
+import numpy as np, streamseg as ss
+
+def source():
+    random = np.random.default_rng(0)
+    for _ in range(3):
+        yield random.random((100_000, 3))
+    raise KeyboardInterrupt
+
+try:
+    list(ss.stream(source(), ss.RegionGrowing(90_000), threads=2))
+except KeyboardInterrupt:
+    print("heard")
+"""
+
+
+def test_an_interrupt_inside_the_source_waits_for_no_window_that_takes_minutes() -> None:
+    told = subprocess.run([sys.executable, "-c", INTERRUPTED_SOURCE], capture_output=True, text=True, timeout=300)
+    assert told.stdout == "heard\n", told.stderr

@@ -14,6 +14,7 @@ from typing import Any
 import laspy
 import numpy as np
 import pytest
+from PIL import Image
 
 import streamseg as ss
 from streamseg.io import check_output
@@ -115,10 +116,13 @@ def test_a_file_without_content_is_nobodys(tmp_path: Path, name: str) -> None:
     assert ss.segment_file(write_las(tmp_path / "in.las"), tmp_path / name, NEAR, overwrite=True).points == 12
 
 
-def test_only_a_picture_is_replaced_by_a_picture(tmp_path: Path) -> None:
+def test_only_our_picture_is_replaced_by_a_picture(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_text("precious")
     with pytest.raises(ss.OutputExists, match="is no picture"):
         check_preview(tmp_path / "a.png", overwrite=True)
+    Image.new("RGB", (5, 5)).save(tmp_path / "photo.png")
+    with pytest.raises(ss.OutputExists, match="is a picture that streamseg has not drawn"):
+        check_preview(tmp_path / "photo.png", overwrite=True)
     ss.segment_file(write_las(tmp_path / "in.las"), tmp_path / "out.las", NEAR)
     for overwrite in (False, True):
         ss.preview(tmp_path / "out.las", tmp_path / "b.png", overwrite=overwrite)

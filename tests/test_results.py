@@ -103,7 +103,9 @@ def test_results_agree_on_measured_clouds(cloud: Callable[[str], LatticeCloud], 
 
 
 def test_every_cloud_there_is_takes_part(data: Path) -> None:
-    assert {path.relative_to(data).as_posix() for path in data.rglob("*.laz")} == set(CLOUDS)
+    # Other layouts of the same clouds are read in the tests of files.
+    found = {path.relative_to(data).as_posix() for path in data.rglob("*.laz")}
+    assert {name for name in found if not name.startswith(("formats/", "odd/"))} == set(CLOUDS)
 
 
 def u_shapes(count: int, depth: int) -> NDArray[np.float64]:

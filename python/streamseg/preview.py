@@ -15,7 +15,7 @@ import numpy as np
 
 from .errors import InvalidParameter, MissingExtra
 from .io import open_cloud
-from .io.earlier import no_picture
+from .io.earlier import PICTURE_SIGN, foreign_picture
 from .io.output import check_file, replacing
 from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
 
@@ -72,7 +72,7 @@ def check_preview(out_png: Path | str, overwrite: bool, others: Sequence[Path | 
         raise InvalidParameter(f"picture {out_png} ends in {out_png.suffix!r}, must end in .png")
     if any(out_png.resolve() == Path(other).resolve() for other in others):
         raise InvalidParameter(f"picture {out_png} is also the name of a cloud; give the picture another name")
-    check_file(out_png, [], overwrite, "picture", no_picture)
+    check_file(out_png, [], overwrite, "picture", foreign_picture)
 
 
 def preview(
@@ -132,8 +132,17 @@ def preview(
     result = Preview(found.points, counts, none, raster.outside, colors)
     image = _Page(raster, result, labelled, size).draw(shade)
     with replacing(out_png, overwrite=overwrite) as file:
-        image.save(file, "PNG", optimize=True)
+        image.save(file, "PNG", optimize=True, pnginfo=_signed())
     return result
+
+
+def _signed() -> Any:
+    """Say in the file who has drawn it, so that it may be drawn again."""
+    from PIL.PngImagePlugin import PngInfo
+
+    info = PngInfo()
+    info.add_text(*PICTURE_SIGN)
+    return info
 
 
 def color_segments(ids: Ids, drawn: NDArray[np.bool_], sizes: dict[int, int]) -> dict[int, Color]:

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError, Wea
 use std::time::Duration;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -24,7 +25,7 @@ use crate::lattice::Lattice;
 use crate::pipeline::{Allowance, Outgoing, Pipeline, Progress, Stopper, WovenWindow};
 use crate::revisit::Revisit;
 use crate::settlement::{Settled, Settlement};
-use crate::span::{Source, Span, finalized_spans_of, spans_of};
+use crate::span::{Chunk, Source, Span, finalized_spans_of, spans_of};
 use crate::weaver::Selection;
 
 /// Streams chunks through spans, windows, segmentor and weaver.
@@ -91,8 +92,8 @@ impl PyPipeline {
         let lattice = lattice_of(lattice)?;
         let source = if stored { Source::Stored } else { Source::Live };
         let names: Vec<String> = by.attributes().iter().map(ToString::to_string).chain(segmentor.reads()).collect();
-        let chunks = chunks_of(chunks, names.clone(), drop_invalid)?;
         let (home, stopper) = (Home::of("the stream"), Stopper::default());
+        let chunks = heeding_interrupts(chunks_of(chunks, names.clone(), drop_invalid)?, stopper.clone());
         let exactness = segmentor.exactness();
         let is_in_stream_order = counts.is_none() && !by.is_in_space();
         let mut assessment = match counts {
@@ -291,6 +292,29 @@ impl Drop for PyPipeline {
     fn drop(&mut self) {
         self.home.keep_elsewhere(&self.pipeline);
     }
+}
+
+/// For how long windows under way are waited for after an interrupt has struck inside the source: as long as if it had
+/// struck elsewhere.
+const PATIENCE_AFTER_INTERRUPT: Duration = Duration::from_secs(1);
+
+/// The chunks of a source; an interrupt that strikes inside it is no failure of the source, after which all that has come
+/// would still be segmented.
+fn heeding_interrupts(
+    chunks: impl Iterator<Item = Result<Chunk, Error>> + Send,
+    stopper: Stopper,
+) -> impl Iterator<Item = Result<Chunk, Error>> + Send {
+    chunks.inspect(move |chunk| {
+        if chunk.as_ref().is_err_and(is_interrupt) {
+            stopper.stop(Some(PATIENCE_AFTER_INTERRUPT));
+        }
+    })
+}
+
+fn is_interrupt(error: &Error) -> bool {
+    let Error::Foreign(foreign) = error else { return false };
+    let Some(exception) = foreign.downcast_ref::<PyErr>() else { return false };
+    Python::attach(|py| exception.is_instance_of::<PyKeyboardInterrupt>(py))
 }
 
 /// For how many milliseconds a short look waits for another.

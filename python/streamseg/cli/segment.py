@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..errors import InvalidParameter
+from ..errors import InvalidParameter, OutputExists
 from ..files import segment_file
 from ..preview import check_preview
 from ..preview import preview as draw_preview
@@ -165,7 +165,8 @@ def segment(
     if result is not Result.history:
         odd_reach(outcome, choice["segmentor"], quiet=quiet)
     if preview is not None:
-        draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
+        with _telling_that_only_the_picture_is_missing(output):
+            draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
         say(f"picture in {preview}", quiet)
     if outcome.damage is not None:
         raise typer.Exit(WRONG)
@@ -177,6 +178,8 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
     before = _written_at(output)
     try:
         yield
+    except OutputExists:
+        raise  # what is there is another's
     except (Exception, KeyboardInterrupt) as failure:
         kept = _written_at(output) != before
         left = f"the points segmented before that are in {output}"
@@ -187,6 +190,14 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
         if kept:
             typer.echo(f"streamseg: {left}", err=True)
         raise
+
+
+@contextlib.contextmanager
+def _telling_that_only_the_picture_is_missing(output: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"all points are in {output}, only the picture is missing") from None
 
 
 def _written_at(output: Path) -> int | None:

@@ -24,6 +24,9 @@ _LAS_MAGIC, _NPY_MAGIC, _PNG_MAGIC = b"LASF", b"\x93NUMPY", b"\x89PNG\r\n\x1a\n"
 # How the description of the dimension with the ids begins, whatever the dimension is called.
 _LAS_SIGN = b"streamseg segment"
 _LAS_POINTS_AT = 96
+# A text in the file, which stands before the pixels.
+PICTURE_SIGN = ("Software", "streamseg")
+_MOST_PICTURE_HEAD = 1 << 10
 _MOST_HEADER = 1 << 24
 _NPY_OF_IDS = (rb"'descr': '[<|>=]?i\d'", rb"'shape': \(\d+,\)")
 _MOST_NPY_HEADER = 1 << 10
@@ -56,10 +59,13 @@ def foreign(out: Path, inputs: Sequence[Path]) -> str | None:
     return None if is_ours else "a cloud that streamseg has not written"
 
 
-def no_picture(out: Path) -> str | None:
-    """Say that a file is no picture; None if it is, or has no content, and may be replaced."""
+def foreign_picture(out: Path) -> str | None:
+    """Say what a file is that is no picture of streamseg; None if it is one, or has no content."""
     with open(out, "rb") as file:
-        return None if file.read(len(_PNG_MAGIC)) in (_PNG_MAGIC, b"") else "no picture"
+        head = file.read(_MOST_PICTURE_HEAD)
+    if not head or b"\0".join(word.encode() for word in PICTURE_SIGN) in head:
+        return None
+    return "a picture that streamseg has not drawn" if head.startswith(_PNG_MAGIC) else "no picture"
 
 
 def is_like_inputs(out: Path, inputs: Sequence[Path]) -> bool:
