@@ -128,6 +128,7 @@ def test_only_a_picture_is_replaced_by_a_picture(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["*.laz", "out?.laz", "out[0-9].laz", "dir*/out.laz"])
 def test_a_pattern_is_no_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / "out7.laz").touch()
     with pytest.raises(ss.InvalidParameter, match="allowed: the name of one file or folder, without"):
         check_output(tmp_path / name, [])
     with pytest.raises(ss.FileError, match=r"does not exist; the shell makes names of a pattern, if it is not quoted"):
@@ -139,7 +140,9 @@ def test_a_pattern_is_no_name(tmp_path: Path, name: str) -> None:
 def test_a_name_with_brackets_is_a_name(tmp_path: Path) -> None:
     cloud = write_las(tmp_path / "in.las")
     (tmp_path / "odd*").mkdir()
-    for out in (tmp_path / "survey [1].las", tmp_path / "odd*" / "out.las"):
+    names = ("survey [1].las", "scan[2024-05].las", "plot[a-c].npy", "[a-z].xyz", "odd*/out.las", "odd*/o[1-3].las")
+    for name in names:
+        out = tmp_path / name
         assert ss.segment_file(cloud, out, NEAR).points == 12
 
 

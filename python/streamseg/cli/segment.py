@@ -12,6 +12,7 @@ import typer
 
 from ..errors import InvalidParameter
 from ..files import segment_file
+from ..io.opening import there
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
@@ -190,4 +191,5 @@ def _telling_what_is_left(output: Path) -> Iterator[None]:
 
 
 def _written_at(output: Path) -> int | None:
-    return output.stat().st_mtime_ns if output.exists() else None
+    said = there(output)
+    return None if said is None else said.st_mtime_ns

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning, warn
 from .coordinate_system import CoordinateSystem, caution
 from .lattice import Lattice, common_lattice
+from .opening import real
 from .unchanged import Witness
 from .units import ABBREVIATIONS
 
@@ -176,9 +177,9 @@ class Cloud:
         """Warn of files that are given twice, and of those whose coordinates or times mean something else."""
         seen: set[Path] = set()
         for source in self.sources:
-            if source.path.resolve() in seen:
+            if (place := real(source.path)) in seen:
                 warn(f"{source.path} is given more than once: its points come as often, all at the same places")
-            seen.add(source.path.resolve())
+            seen.add(place)
         self._warn_of_systems()
         self._warn_of_clocks()
 
