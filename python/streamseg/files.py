@@ -135,7 +135,7 @@ def segment_file(
     5
     """
     paths, output = _as_paths(inputs), Path(output)
-    check_output(output, paths, overwrite)
+    check_output(output, paths, overwrite, id_name)
     is_new_history = history is not None and there(Path(history)) is None
     if history is not None:
         _check_apart(Path(history), output)
@@ -349,7 +349,7 @@ def resolved_file(
 ) -> Resolved:
     """Do what `resolve_file` does, and say what it came to."""
     paths, output = _as_paths(inputs), Path(output)
-    check_output(output, paths, overwrite)
+    check_output(output, paths, overwrite, id_name)
     past = History(history)
     cloud = open_cloud(paths)
     check_kind(cloud, output, id_name)

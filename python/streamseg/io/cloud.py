@@ -98,7 +98,7 @@ class Cloud:
         self.caution = _caution(self.coordinate_system, self.sources)
         self.damage: str | None = None
 
-    def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Iterator[Chunk]:
+    def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Generator[Chunk, None, None]:
         """Yield the cloud from its first point to its last.
 
         Parameters

@@ -12,6 +12,7 @@ from ..errors import FileError, InvalidParameter, OutputExists
 from .claims import Claim, claim_part
 from .earlier import foreign, is_like_inputs
 from .home import Home, abandon
+from .labels import SEGMENT_DIMENSION
 from .opening import is_folder, is_pattern, real, there
 from .text import SUFFIXES as TEXT_SUFFIXES
 
@@ -24,7 +25,9 @@ _COPC_SUFFIX = ".copc.laz"
 OUTPUT_SUFFIXES = (".las", ".laz", ".npy", *TEXT_SUFFIXES)
 
 
-def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool = False) -> None:
+def check_output(
+    out: Path | str, inputs: Sequence[Path | str], overwrite: bool = False, id_name: str | None = None
+) -> None:
     """Refuse an output that cannot or must not be written, before any work is done.
 
     Parameters
@@ -36,6 +39,8 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     overwrite : bool
         Whether `out` may replace a file that is there. A cloud, array or text that streamseg has not written
         is never replaced.
+    id_name : str, default "SegmentID"
+        What the ids are called, also in an earlier output.
 
     Raises
     ------
@@ -53,7 +58,8 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
         plain = out.name[: -len(_COPC_SUFFIX)] + out.suffix
         raise InvalidParameter(f"output {out} is called as COPC is, which is not written; name it {plain}")
     paths = [Path(path) for path in inputs]
-    check_file(out, paths, overwrite, "output", lambda there: _foreign(there, paths, overwrite))
+    name = id_name or SEGMENT_DIMENSION
+    check_file(out, paths, overwrite, "output", lambda old: _foreign(old, paths, overwrite, name))
 
 
 def check_file(
@@ -82,9 +88,9 @@ def refuse_pattern(out: Path, what: str) -> None:
         )
 
 
-def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool) -> str | None:
-    found = foreign(out, inputs)
-    if found is None and overwrite and is_like_inputs(out, inputs):
+def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool, id_name: str) -> str | None:
+    found = foreign(out, inputs, id_name)
+    if found is None and overwrite and is_like_inputs(out, inputs, id_name):
         found = "labelled as the inputs beside it are"
     if found is not None and any(path.suffix.lower() == out.suffix.lower() for path in inputs):
         return f"{found} (is OUT missing?)"
