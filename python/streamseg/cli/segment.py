@@ -163,8 +163,9 @@ def segment(
     if not quiet:
         for sentence in summary.of_run(outcome, choice, output, history, result.value):
             typer.echo(sentence)
-    if result is not Result.history:
-        odd_reach(outcome, choice["segmentor"], quiet=quiet)
+    left_out = outcome.left_out
+    segments, has_more = outcome.segments + left_out.segments, left_out.points > 0
+    odd_reach(outcome.points, segments, choice["segmentor"], has_more=has_more, quiet=quiet)
     if preview is not None:
         draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
         say(f"picture in {preview}", quiet)
