@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import warnings
+from math import inf, nan
 from pathlib import Path
 
 import laspy
@@ -11,9 +12,10 @@ import numpy as np
 import pytest
 
 import streamseg as ss
+from streamseg.description import describe
 from streamseg.errors import StreamsegWarning
 from streamseg.io import open_cloud, write_labelled
-from streamseg.io.coordinate_system import CoordinateSystem, read_system
+from streamseg.io.coordinate_system import LONGITUDE_LATITUDE, CoordinateSystem, judged, read_system
 from streamseg.io.las_records import Record, new_record
 
 UTM = 'PROJCS["UTM 15N",GEOGCS["NAD83",DATUM["D",SPHEROID["S",1,2]],UNIT["degree",0.0174532925199433]],UNIT["metre",1]]'
@@ -177,11 +179,51 @@ def test_degrees_without_a_system_are_told_only_where_it_is_sure(tmp_path: Path,
     assert (caution is not None and "look like longitude and latitude" in caution) == is_told
 
 
-def test_a_system_that_the_coordinates_contradict_is_no_reason_to_warn(tmp_path: Path) -> None:
-    cloud = open_cloud(write(tmp_path / "a.las", WGS84, degrees=False))
+def test_a_system_that_the_coordinates_contradict_is_told(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.las", WGS84, degrees=False, count=900)
+    cloud = open_cloud(path)
     assert cloud.coordinate_system is not None
     assert cloud.coordinate_system.is_geographic
-    assert cloud.caution is None
+    assert cloud.unit is None
+    with pytest.warns(
+        StreamsegWarning, match=r"says that x and y are longitude and latitude, but they are beyond ±360"
+    ):
+        ss.segment(path, ss.Proximity(2.0))
+    lines = dict(describe(path))
+    assert lines["caution"] == cloud.caution
+    assert "degrees" not in lines["spacing"]
+    assert "try" in lines
+    assert "project" not in lines
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        None,
+        [(8.0, 9.0), (50.0, 51.0)],
+        [(35.0, 36.0), (139.0, 140.0)],
+        [(inf, -inf), (inf, -inf)],
+        [(nan, 1.0), (0.0, 1.0)],
+    ],
+)
+def test_a_geographic_system_is_believed_where_no_coordinate_says_otherwise(box: list[tuple[float, float]]) -> None:
+    assert judged(LONGITUDE_LATITUDE, box).in_degrees
+
+
+def test_columns_that_are_called_degrees_and_are_none_are_told_by_info(tmp_path: Path) -> None:
+    rows = np.random.default_rng(1).uniform([5e5, 5e6, 0], [5e5 + 30, 5e6 + 30, 30], (900, 3))
+    for name, offset, is_said in (("meters", 0.0, False), ("degrees", [500_000, 5_000_000, 0], True)):
+        np.savetxt(path := tmp_path / f"{name}.csv", rows - offset, "%.3f", ",", header="lon,lat,z", comments="")
+        lines = dict(describe(path))
+        assert ("are longitude and latitude in degrees" in lines["caution"]) == ("degrees" in lines) == is_said
+        assert ("try" in lines) == ("beyond ±360" in lines["caution"]) == (not is_said)
+
+
+def test_info_proposes_nothing_for_what_only_looks_like_degrees(tmp_path: Path) -> None:
+    lines = dict(describe(write(tmp_path / "a.las", scale_z=0.01)))
+    assert "look like longitude and latitude" in lines["caution"]
+    assert "in_srs=EPSG:4326 --filters.reprojection.out_srs=EPSG:32632" in lines["project"]
+    assert "try" not in lines
 
 
 def test_heights_in_another_unit_are_told(tmp_path: Path) -> None:

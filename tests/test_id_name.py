@@ -32,9 +32,11 @@ def write(path: Path, **extra: str) -> Path:
 
 
 def test_only_the_ids_are_written_and_other_dimensions_stay(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.las", treeID="u2", SegmentID="i8", other="f4")
-    ss.segment_file(path, tmp_path / "b.laz", METHOD, id_name="treeID")
+    path = write(tmp_path / "a.las", SegmentID="i8", other="f4")
+    ss.segment_file(path, tmp_path / "again.laz", METHOD, id_name="treeID")
+    ss.segment_file(tmp_path / "again.laz", tmp_path / "b.laz", METHOD, id_name="treeID")
     las = laspy.read(tmp_path / "b.laz")
+    assert list(las.point_format.extra_dimension_names) == ["SegmentID", "other", "treeID"]
     assert las["treeID"].dtype == np.int32
     assert las["treeID"].tolist() == [1] * 5 + [2] * 5
     assert (las["SegmentID"].dtype, las["SegmentID"].tolist()) == (np.int64, list(range(50, 60)))
@@ -62,11 +64,62 @@ def test_every_command_knows_the_name(tmp_path: Path, suffix: str) -> None:
             next(read_labels(out))
 
 
+@pytest.mark.parametrize("kind", ["u2", "i4", "i8"])
+def test_a_dimension_of_somebody_else_is_never_replaced(tmp_path: Path, kind: str) -> None:
+    path = write(tmp_path / "a.las", treeID=kind)
+    with pytest.raises(InvalidInput, match="'treeID' that streamseg has not written; give the ids another name"):
+        ss.segment_file(
+            [write(tmp_path / "0.las"), path], tmp_path / "b.las", METHOD, id_name="treeID", history=tmp_path / "h"
+        )
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["0.las", "a.las"]
+
+
 def test_text_labelled_again_has_its_column_replaced(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x,y,z\n0,0,0\n9,0,0\n")
-    for source, out in (("a.csv", "b.csv"), ("b.csv", "c.csv")):
-        ss.segment_file(tmp_path / source, tmp_path / out, METHOD, id_name="tree")
-    assert (tmp_path / "c.csv").read_text() == "x,y,z,tree\n0,0,0,1\n9,0,0,2\n"
+    (tmp_path / "nameless.csv").write_text("5,5,5,7\n")
+    ss.segment_file(tmp_path / "a.csv", tmp_path / "b.csv", METHOD)
+    ss.segment_file([tmp_path / "b.csv", tmp_path / "nameless.csv"], tmp_path / "c.csv", METHOD)
+    assert (tmp_path / "c.csv").read_text() == "x,y,z,SegmentID\n0,0,0,1\n9,0,0,2\n5,5,5,3\n"
+
+
+@pytest.mark.parametrize(
+    ("columns", "name", "told"),
+    [
+        ("x,y,z,score", "score", "a.csv has a column 'score' already"),
+        ("score,x,y,z", "score", "a.csv has a column 'score' already"),
+        ("x,y,z,Tree_ID", "treeID", "a.csv has a column 'Tree_ID' already"),
+        ("SegmentID,x,y,z", None, "a.csv has a column 'SegmentID' already"),
+        ("SegmentID,x,y,z,SegmentID", None, "a.csv has a column 'SegmentID' already"),
+        ("e,n,h,i", "height", "'height' would not say any more where x, y and z are"),
+        ("e,n,h,i", "E", "a.csv has a column 'e' already"),
+    ],
+)
+@pytest.mark.parametrize("mark", ["", "# "])
+def test_a_name_that_a_column_has_is_refused(
+    tmp_path: Path, columns: str, name: str | None, told: str, mark: str
+) -> None:
+    row = ",".join("1" for _ in columns.split(","))
+    (tmp_path / "a.csv").write_text(f"{mark}{columns}\n{row}\n")
+    with pytest.raises(InvalidInput, match=rf"{told}.*give the ids another name"):
+        ss.segment_file(tmp_path / "a.csv", tmp_path / "b.csv", METHOD, id_name=name, history=tmp_path / "h")
+    assert [one.name for one in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_columns_without_names_stay(tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text("0 0 0 7\n9 0 0 8\n")
+    ss.segment_file(tmp_path / "a.xyz", tmp_path / "b.xyz", METHOD, id_name="column_4")
+    assert (tmp_path / "b.xyz").read_text() == "0 0 0 7 1\n9 0 0 8 2\n"
+
+
+@pytest.mark.parametrize("source", ["a.csv", "a.las"])
+def test_names_in_any_script_are_read_again(tmp_path: Path, source: str) -> None:
+    write(tmp_path / "a.las")
+    (tmp_path / "a.csv").write_bytes("x,y,z,h\xf6he\n0,0,0,1\n9,0,0,1\n".encode("latin-1"))
+    for name in ("bäume", "树", "n" * 100):
+        ss.segment_file(tmp_path / source, tmp_path / "b.csv", METHOD, id_name=name, overwrite=True)
+        ((_, ids),) = read_labels(tmp_path / "b.csv", id_name=name)
+        assert set(ids.tolist()) == {1, 2}
+        (tmp_path / "b.csv").unlink()
 
 
 @pytest.mark.parametrize(
@@ -79,7 +132,20 @@ def test_names_that_las_cannot_have_are_refused_before_anything_is_done(tmp_path
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a.las"]
 
 
-@pytest.mark.parametrize(("suffix", "name"), [(".csv", "a,b"), (".xyz", "two words"), (".txt", "#a"), (".npy", "tree")])
+@pytest.mark.parametrize(
+    ("suffix", "name"),
+    [
+        *(
+            (".csv", "a,b"),
+            (".xyz", "two words"),
+            (".txt", "#a"),
+            (".npy", "tree"),
+            (".csv", "a\0"),
+            (".csv", "n" * 101),
+        ),
+        *((".csv", "a\ud800"), (".xyz", "a\udcff"), (".xyz", "a\x85b"), (".xyz", "a\u2028b"), (".csv", "a\vb")),
+    ],
+)
 def test_names_that_other_outputs_cannot_have_are_refused(tmp_path: Path, suffix: str, name: str) -> None:
     with pytest.raises(InvalidParameter, match="id_name is"):
         ss.segment_file(write(tmp_path / "a.las"), tmp_path / f"b{suffix}", METHOD, id_name=name)

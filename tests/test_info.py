@@ -264,6 +264,9 @@ def test_a_distance_below_the_spacing_is_warned_of(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert "--distance 0.001 joins next to nothing" in done.stderr
     assert "streamseg info" in done.stderr
+    raw = ("--result", "history", "--history", tmp_path / "h")
+    for words in (("segment", path, tmp_path / "raw.npy", *raw), ("verify", path)):
+        assert "--distance 0.001 joins next to nothing" in streamseg(*words, "--distance", 0.001).stderr
 
 
 def test_a_distance_beyond_the_extent_is_told(tmp_path: Path) -> None:
@@ -271,6 +274,7 @@ def test_a_distance_beyond_the_extent_is_told(tmp_path: Path) -> None:
     done = streamseg("segment", path, tmp_path / "out.npy", "--distance", 10)
     assert "only one segment" in done.stdout
     assert "--distance 10 is too far" in done.stdout
+    assert "--distance 10 is too far" in streamseg("verify", path, "--distance", 10).stdout
     fine = streamseg("segment", path, tmp_path / "two.npy", "--distance", 0.02, "--graph", "radius")
     assert "too far" not in fine.stdout
     assert not fine.stderr

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from streamseg.errors import FileError, InvalidInput, StreamsegError
+from streamseg import Proximity, segment, stream
+from streamseg.errors import FileError, InvalidInput, StreamsegError, StreamsegWarning
 from streamseg.io import limits, npy, open_cloud
 
 if TYPE_CHECKING:
@@ -241,3 +242,19 @@ def test_every_flipped_bit_of_a_header_is_read_or_told(tmp_path: Path, table: ND
             told += 1
     # Blanks at the end may be anything that Python passes over; half of the header matters at least.
     assert told > 400
+
+
+@pytest.mark.parametrize("by_column", [False, True])
+@pytest.mark.parametrize("rows", [10**30, 2**63, 2**62, 11])
+def test_no_more_points_count_than_the_file_has_room_for(tmp_path: Path, rows: int, by_column: bool) -> None:
+    path = tmp_path / "a.npy"
+    path.write_bytes(with_header(described("<f8", (rows, 3), by_column), data=np.zeros((10, 3)).tobytes()))
+    cloud = open_cloud(path)
+    assert (cloud.point_count or 0) <= 30
+    if by_column and rows > 30:  # not even the first column is whole
+        with pytest.raises(FileError, match="is damaged before its first point"):
+            segment(path, Proximity(1.0))
+    else:
+        run = stream(path, Proximity(1.0))
+        with pytest.warns(StreamsegWarning, match=f"is damaged after point .* of {rows:,};"):
+            assert sum(len(span.point_ids) for span in run) == (8 if by_column else 10)

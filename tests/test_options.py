@@ -249,10 +249,17 @@ def test_attributes_that_are_no_columns_are_refused(values: NDArray[Any]) -> Non
         ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0, filter="Depth > 3"), attributes={"Depth": values})
 
 
-def test_attributes_with_one_name_are_refused() -> None:
-    given = {"Depth": np.zeros(100), "return_number": np.zeros(100), "ReturnNumber": np.ones(100)}
-    with pytest.raises(ss.InvalidInput, match="'return_number' and 'ReturnNumber', which are one name"):
-        ss.segment_static(np.zeros((100, 3)), ss.Proximity(1.0), attributes=given)
+@pytest.mark.parametrize("is_live", [False, True])
+def test_of_attributes_with_like_names_the_exact_spelling_counts(is_live: bool) -> None:
+    points = np.column_stack([np.arange(6.0), np.zeros((6, 2))])
+    given = {"Intensity": np.array([1, 1, 1, 2, 2, 2]), "intensity": np.array([1, 1, 2, 2, 2, 2])}
+    source, attributes = ([(points, given)], tuple(given)) if is_live else (points, given)
+    for name, values in given.items():
+        ids = ss.segment(source, ss.Proximity(1.5, filter=f"{name} == 1"), attributes=attributes)
+        assert np.array_equal(ids > 0, values == 1)
+    with pytest.raises(ss.StreamsegError, match="'INTENSITY' can be 'Intensity' or 'intensity'"):
+        ss.segment(source, ss.Proximity(1.5, filter="INTENSITY == 1"), attributes=attributes)
+    assert ss.segment(source, ss.Proximity(1.5), attributes=attributes).tolist() == [1] * 6
 
 
 def test_a_live_source_takes_no_arrays_beside_it() -> None:

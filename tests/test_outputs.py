@@ -98,6 +98,10 @@ FOREIGN: dict[str, Callable[[Path], object]] = {
     "table.csv": lambda path: path.write_text("name,height,width,count\noak,1.0,2.0,3\n"),
     "five.xyz": lambda path: path.write_text("1 2 3 4 5\n"),
     "real.xyz": lambda path: path.write_text("1 2 3 4.5\n"),
+    "intensity.xyz": lambda path: path.write_text("1 2 3 40\n"),
+    "beside.csv": lambda path: path.write_text("x,y,z,intensity\n0,0,0,40\n"),
+    "classes.npy": lambda path: np.save(path, np.arange(5, dtype=np.int32)),
+    "differences.npy": lambda path: np.save(path, np.arange(5) - 3),
 }
 
 
@@ -108,6 +112,39 @@ def test_what_streamseg_has_not_written_is_never_replaced(tmp_path: Path, name: 
     with pytest.raises(ss.OutputExists, match="exists already and is a"):
         ss.segment_file(write_las(tmp_path / "in.las"), tmp_path / name, NEAR, overwrite=True)
     assert (tmp_path / name).read_bytes() == before
+
+
+@pytest.mark.parametrize("inputs", ["abx", "ab"])
+def test_text_is_known_by_the_first_point_of_the_input(tmp_path: Path, inputs: str) -> None:
+    for place, name in enumerate("abcx"):
+        (tmp_path / f"{name}.xyz").write_text(f"{place} 0 0 7\n{place} 9 0 8\n")
+    paths, out = [tmp_path / f"{name}.xyz" for name in inputs], tmp_path / "out.xyz"
+    for _ in range(2):
+        ss.segment_file(paths, out, NEAR, overwrite=True)
+    out.write_text("1 0 0 7 1\n")
+    with pytest.raises(ss.OutputExists, match="by its first line"):
+        ss.segment_file(paths, out, NEAR, overwrite=True)
+
+
+@pytest.mark.parametrize("before", WRITERS)
+@pytest.mark.parametrize("after", [".las", ".csv", ".xyz"])
+def test_outputs_whose_ids_have_another_name_are_known(tmp_path: Path, before: str, after: str) -> None:
+    cloud, out = WRITERS[before](tmp_path / f"in{before}"), tmp_path / f"out{after}"
+    for _ in range(2):
+        ss.segment_file(cloud, out, NEAR, overwrite=True, id_name="tree")
+    np.savetxt(other := tmp_path / "other.csv", POINTS + 1, "%d", ",", header="x,y,tree", comments="")
+    with pytest.raises(ss.OutputExists):
+        ss.segment_file(cloud, other, NEAR, overwrite=True, id_name="tree")
+
+
+def test_a_look_at_what_is_there_says_nothing_of_it(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    (tmp_path / "out.csv").write_text("26,12,14,11\n26,12,14,11\n")
+    np.save(tmp_path / "in.npy", np.full((2, 3), (26.0, 12.0, 14.0)))
+    ss.segment_file(tmp_path / "in.npy", tmp_path / "out.xyz", NEAR)
+    for suffix in ("csv", "xyz"):
+        (tmp_path / f"out.{suffix}").write_text("26,12,14,11\n26,12,14,11\n")
+        check_output(tmp_path / f"out.{suffix}", [tmp_path / "in.npy"], overwrite=True)
+    assert not recwarn.list
 
 
 @pytest.mark.parametrize("name", ["out.las", "out.laz", "out.npy", "out.csv", "out.xyz"])
@@ -132,6 +169,7 @@ def test_only_our_picture_is_replaced_by_a_picture(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["*.laz", "out?.laz", "out[0-9].laz", "dir*/out.laz"])
 def test_a_pattern_is_no_name(tmp_path: Path, name: str) -> None:
+    (tmp_path / "out7.laz").touch()
     with pytest.raises(ss.InvalidParameter, match="allowed: the name of one file or folder, without"):
         check_output(tmp_path / name, [])
     with pytest.raises(ss.FileError, match=r"does not exist; the shell makes names of a pattern, if it is not quoted"):
@@ -143,7 +181,9 @@ def test_a_pattern_is_no_name(tmp_path: Path, name: str) -> None:
 def test_a_name_with_brackets_is_a_name(tmp_path: Path) -> None:
     cloud = write_las(tmp_path / "in.las")
     (tmp_path / "odd*").mkdir()
-    for out in (tmp_path / "survey [1].las", tmp_path / "odd*" / "out.las"):
+    names = ("survey [1].las", "scan[2024-05].las", "plot[a-c].npy", "[a-z].xyz", "odd*/out.las", "odd*/o[1-3].las")
+    for name in names:
+        out = tmp_path / name
         assert ss.segment_file(cloud, out, NEAR).points == 12
 
 

@@ -10,6 +10,7 @@ from ._core import Proximity, SpanByWidth
 from .errors import FileError, OutputExists, StreamsegError
 from .files import segment_file
 from .history_folder import check_free, read_manifest
+from .io.opening import there
 from .io.output import check_output, refuse_pattern
 from .preview import check_preview, preview
 from .progress import ProgressBars
@@ -28,7 +29,7 @@ def run(folder: Path, points: int, seed: int) -> Iterator[str]:
     labelled, history, picture = folder / "labelled.laz", folder / "strip.history", folder / "labelled.png"
     for path in (folder / "strip.laz", labelled, picture):
         # What an earlier demonstration left may be replaced; the history is its mark.
-        if path.exists() and not _is_history(history):
+        if there(path) is not None and not _is_history(history):
             raise OutputExists(f"{path} exists and is not of an earlier demonstration; give another folder")
     check_free(history, overwrite=True)
     check_output(labelled, [], overwrite=True)

@@ -19,6 +19,7 @@ from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
 from .history_folder import discard
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
+from .io.opening import real, there
 from .plan import MaxMemory, Stages
 from .run import stream
 from .source import PathLike, counted, open_source
@@ -134,8 +135,8 @@ def segment_file(
     5
     """
     paths, output = _as_paths(inputs), Path(output)
-    check_output(output, paths, overwrite)
-    is_new_history = history is not None and not Path(history).exists()
+    check_output(output, paths, overwrite, id_name)
+    is_new_history = history is not None and there(Path(history)) is None
     if history is not None:
         _check_apart(Path(history), output)
     cloud = open_cloud(paths)
@@ -211,7 +212,8 @@ def _as_paths(inputs: PathLike | Sequence[PathLike]) -> list[Path]:
 
 def _check_apart(history: Path, output: Path) -> None:
     """Refuse an output that is the folder of the history, or lies in it."""
-    if history.resolve() in (output.resolve(), *output.resolve().parents):
+    written = real(output)
+    if real(history) in (written, *written.parents):
         raise InvalidParameter(f"history is {history}, allowed: a folder that the output {output} is not in")
 
 
@@ -347,7 +349,7 @@ def resolved_file(
 ) -> Resolved:
     """Do what `resolve_file` does, and say what it came to."""
     paths, output = _as_paths(inputs), Path(output)
-    check_output(output, paths, overwrite)
+    check_output(output, paths, overwrite, id_name)
     past = History(history)
     cloud = open_cloud(paths)
     check_kind(cloud, output, id_name)

@@ -32,6 +32,7 @@ from .history_folder import (
     shown,
 )
 from .history_tables import COLUMNS, Ids, Told, parquet, read_part, record_batches, write_part
+from .io.opening import there
 from .io.output import check_file, refuse_pattern, replacing
 from .unlabelled import Unlabelled
 
@@ -326,7 +327,7 @@ class History:
         parquet()
         folder = Path(folder)
         refuse_pattern(folder, "folder")
-        is_new = not folder.exists()
+        is_new = there(folder) is None
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:

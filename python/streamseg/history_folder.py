@@ -16,6 +16,7 @@ from typing import Any
 from .errors import FileError, InvalidInput, OutputExists
 from .history_tables import COLUMNS, parquet
 from .io.claims import Claim, HeldByOther, claim
+from .io.opening import is_folder, there
 from .io.output import refuse_pattern
 
 FORMAT = "streamseg history"
@@ -45,6 +46,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         It is damaged, something else, or of a newer version.
     """
     path = folder / MANIFEST
+    there(path)
     try:
         with open(path, "rb") as file:
             text = file.read(_MOST_MANIFEST)
@@ -102,9 +104,9 @@ def check_free(folder: Path, overwrite: bool) -> None:
     parquet()
     refuse_pattern(folder, "history")
     try:
-        if not folder.parent.is_dir():
+        if not is_folder(folder.parent):
             raise FileError(f"the history {folder} cannot be made: the folder {folder.parent} does not exist")
-        if folder.exists():
+        if there(folder) is not None:
             is_begun = _check_ours(folder)
             if (folder / _LOCK).exists():
                 take(folder).release()

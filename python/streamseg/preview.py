@@ -16,6 +16,7 @@ import numpy as np
 from .errors import InvalidParameter, MissingExtra
 from .io import open_cloud
 from .io.earlier import PICTURE_SIGN, foreign_picture
+from .io.opening import real
 from .io.output import check_file, replacing
 from .io.raster import Floats, Ids, Raster, fill_gaps, height_range, hillshade, rasterize, survey, touching
 
@@ -70,7 +71,7 @@ def check_preview(out_png: Path | str, overwrite: bool, others: Sequence[Path | 
     out_png = Path(out_png)
     if out_png.suffix.lower() != ".png":
         raise InvalidParameter(f"picture {out_png} ends in {out_png.suffix!r}, must end in .png")
-    if any(out_png.resolve() == Path(other).resolve() for other in others):
+    if any(real(out_png) == real(other) for other in others):
         raise InvalidParameter(f"picture {out_png} is also the name of a cloud; give the picture another name")
     check_file(out_png, [], overwrite, "picture", foreign_picture)
 

@@ -201,8 +201,6 @@ def _of_array(points: NDArray[Any], attributes: Attributes) -> Source:
     if odd := [name for name in attributes if not isinstance(name, str)]:
         raise InvalidInput(f"attributes has the name {odd[0]!r}, expected text, such as 'Intensity'")
     columns = {name: _column(name, values, len(points)) for name, values in attributes.items()}
-    if twins := _twins(columns):
-        raise InvalidInput(f"attributes has {' and '.join(map(repr, twins))}, which are one name; give one of them")
 
     def chunks(names: Sequence[str]) -> Iterator[CoreChunk]:
         wanted = [_found(columns, name) for name in names]
@@ -239,18 +237,6 @@ def _found(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
         return columns[found]
     given = ", ".join(columns) or "none"
     raise InvalidInput(f"the attribute {name!r} is needed (attributes={{{name!r}: …}}), given: {given}")
-
-
-def _twins(names: Iterable[str]) -> list[str]:
-    """Names that are the same whatever their case, underscores and blanks; none if all differ."""
-    by_letters: dict[str, list[str]] = {}
-    for name in names:
-        by_letters.setdefault(_letters(name), []).append(name)
-    return next((twins for twins in by_letters.values() if len(twins) > 1), [])
-
-
-def _letters(name: str) -> str:
-    return name.replace("_", "").replace(" ", "").lower()
 
 
 def _of_iterable(source: Iterable[Any], announced: Attributes) -> Source:

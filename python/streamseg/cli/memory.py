@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
+import sys
 
 # mallopt(3) of glibc, prctl(2) of Linux.
 _MMAP_THRESHOLD, _ARENA_MAX = -3, -8
@@ -18,8 +18,14 @@ def give_memory_back() -> None:
     What is kept then depends on which thread had what to do: on the number of cores, and on what else the machine
     does. Huge pages, where the kernel has some to spare, count as a whole where only a part is used.
     """
-    with contextlib.suppress(OSError, AttributeError, TypeError):
+    if sys.platform != "linux":
+        return
+    try:
         library = ctypes.CDLL(None)
+    except OSError:  # an interpreter that loads no libraries
+        return
+    # Other C libraries than glibc have no mallopt.
+    if hasattr(library, "mallopt"):
         library.mallopt(_MMAP_THRESHOLD, _LARGE)
         library.mallopt(_ARENA_MAX, 1)
-        library.prctl(_SET_THP_DISABLE, 1, 0, 0, 0)
+    library.prctl(_SET_THP_DISABLE, 1, 0, 0, 0)

@@ -12,6 +12,7 @@ import typer
 
 from ..errors import InvalidParameter, OutputExists
 from ..files import segment_file
+from ..io.opening import there
 from ..preview import check_preview
 from ..preview import preview as draw_preview
 from ..progress import ProgressBars
@@ -162,8 +163,9 @@ def segment(
     if not quiet:
         for sentence in summary.of_run(outcome, choice, output, history, result.value):
             typer.echo(sentence)
-    if result is not Result.history:
-        odd_reach(outcome, choice["segmentor"], quiet=quiet)
+    left_out = outcome.left_out
+    segments, has_more = outcome.segments + left_out.segments, left_out.points > 0
+    odd_reach(outcome.points, segments, choice["segmentor"], has_more=has_more, quiet=quiet)
     if preview is not None:
         with _telling_that_only_the_picture_is_missing(output):
             draw_preview(output, preview, overwrite=overwrite, id_name=id_name)
@@ -201,4 +203,5 @@ def _telling_that_only_the_picture_is_missing(output: Path) -> Iterator[None]:
 
 
 def _written_at(output: Path) -> int | None:
-    return output.stat().st_mtime_ns if output.exists() else None
+    said = there(output)
+    return None if said is None else said.st_mtime_ns

@@ -12,6 +12,7 @@ from ..verification import verify as verify_run
 from . import methods, wording
 from .arguments import DIFFERENT, WRONG, Inputs, say
 from .choice import chosen
+from .reach import odd_reach
 from .segment import segment
 
 _OF_OUTPUT = {"output", "result", "history", "preview", "overwrite", "id_name"}
@@ -22,9 +23,12 @@ def verify(inputs: Inputs, **options: Any) -> None:
 
     Exit status 0 if they are identical, 3 if they are not.
     """
-    with ProgressBars(enabled=not options["quiet"]) as bars:
-        verification = verify_run(inputs, **chosen(options), on_progress=bars.on_progress)
-    say(wording.as_typed(str(verification), methods.PARAMETERS), options["quiet"])
+    choice, quiet = chosen(options), options["quiet"]
+    with ProgressBars(enabled=not quiet) as bars:
+        verification = verify_run(inputs, **choice, on_progress=bars.on_progress)
+    say(wording.as_typed(str(verification), methods.PARAMETERS), quiet)
+    points, segments, without = verification.points, verification.static_segments, verification.static_unlabelled
+    odd_reach(points, segments, choice["segmentor"], has_more=without > 0, quiet=quiet)
     if not verification.is_identical:
         raise typer.Exit(DIFFERENT)
     if verification.damage is not None:

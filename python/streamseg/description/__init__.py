@@ -8,6 +8,7 @@ from typing import Any
 
 from ..history import MANIFEST, History
 from ..io import open_cloud
+from ..io.opening import is_folder
 from ..source import PathLike
 from .proposal import propose
 from .sample import FEWEST, LONGEST, SHORTEST, Sampler
@@ -33,7 +34,7 @@ def describe(path: PathLike) -> Iterator[tuple[str, str]]:
     '3'
     """
     path = Path(path)
-    if path.is_dir() or path.name == MANIFEST:
+    if is_folder(path) or path.name == MANIFEST:
         yield from _of_history(path.parent if path.name == MANIFEST else path)
     else:
         yield from _of_cloud(path)

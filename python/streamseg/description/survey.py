@@ -39,7 +39,12 @@ class Survey:
     name: str | None = None
     unit: str | None = None
     vertical_unit: str | None = None
-    is_geographic: bool = False
+    in_degrees: bool = False
+    """Whether x and y are angles, by all that is known."""
+    has_lengths_of_unit: bool = True
+    """False if the coordinates cannot be in the unit that is named."""
+    caution: str | None = None
+    """Why distances are not what they seem."""
 
     @property
     def has_extent(self) -> bool:
@@ -61,7 +66,6 @@ def surveyed(cloud: Cloud, sampler: Sampler) -> Survey:
             name=system.name,
             unit=system.unit,
             vertical_unit=system.vertical_unit,
-            is_geographic=system.is_geographic,
         )
     by_lower = {name.lower(): name for name in cloud.dimensions}
     wanted = {name: by_lower[name] for name in _READ if name in by_lower}
@@ -82,6 +86,10 @@ def surveyed(cloud: Cloud, sampler: Sampler) -> Survey:
                 back = int(np.count_nonzero(whole[1:] < whole[:-1]))
                 facts.steps_back[name] = facts.steps_back.get(name, 0) + back
                 last[name] = line[-1:].copy()
+    box = list(zip(facts.low[:2].tolist(), facts.high[:2].tolist(), strict=True))
+    judgement = cloud.judged(box if facts.has_extent else None)
+    facts.in_degrees, facts.caution = judgement.in_degrees, judgement.caution
+    facts.has_lengths_of_unit = not judgement.is_contradicted
     return facts
 
 

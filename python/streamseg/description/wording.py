@@ -51,8 +51,8 @@ def of_facts(cloud: Cloud, facts: Survey) -> Iterator[tuple[str, str]]:
     yield "points", f"{facts.points:,}"
     if cloud.damage:
         yield "damage", cloud.damage
-    if cloud.caution:
-        yield "caution", cloud.caution
+    if facts.caution:
+        yield "caution", facts.caution
     if facts.invalid:
         yield (
             "invalid",
@@ -211,8 +211,8 @@ def _outcome(trial: Trial, *, is_whole: bool) -> str:
 
 
 def reprojection(path: Path, facts: Survey) -> list[tuple[str, str]] | None:
-    """Advise to project degrees first; None if the coordinates are lengths, or not said to be degrees."""
-    if not facts.is_geographic:
+    """Advise to project degrees first; None if the coordinates are lengths."""
+    if not facts.in_degrees:
         return None
     advice = [
         (
@@ -222,6 +222,8 @@ def reprojection(path: Path, facts: Survey) -> list[tuple[str, str]] | None:
     ]
     if path.suffix.lower() in (".las", ".laz") and (code := _utm(facts)) is not None:
         words = ["pdal", "translate", _pasted(path), f"OUT{path.suffix}", "reprojection"]
+        if facts.name is None:
+            words.append("--filters.reprojection.in_srs=EPSG:4326")
         advice.append(("project", shlex.join([*words, f"--filters.reprojection.out_srs=EPSG:{code}"])))
     return advice
 
@@ -237,7 +239,7 @@ def _utm(facts: Survey) -> int | None:
 
 
 def _unit(facts: Survey) -> str:
-    return f" {facts.unit}" if facts.unit else ""
+    return f" {facts.unit}" if facts.unit and facts.has_lengths_of_unit else ""
 
 
 def _number(value: float) -> str:

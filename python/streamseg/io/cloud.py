@@ -6,8 +6,9 @@ import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegWarning, warn
-from .coordinate_system import CoordinateSystem, caution
+from .coordinate_system import CoordinateSystem, Judgement, judged
 from .lattice import Lattice, common_lattice
+from .opening import real
 from .unchanged import Witness
 from .units import ABBREVIATIONS
 
@@ -93,11 +94,12 @@ class Cloud:
         self.extent_x = _extent_along_x(self.sources)
         self.coordinate_system = _coordinate_system(self.sources)
         unit = self.coordinate_system and self.coordinate_system.unit
-        self.unit = ABBREVIATIONS.get(unit, unit) if unit else None
-        self.caution = _caution(self.coordinate_system, self.sources)
+        judgement = self.judged()
+        self.unit = ABBREVIATIONS.get(unit, unit) if unit and not judgement.is_contradicted else None
+        self.caution = judgement.caution
         self.damage: str | None = None
 
-    def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Iterator[Chunk]:
+    def chunks(self, size: int = DEFAULT_CHUNK, attributes: Sequence[str] = ()) -> Generator[Chunk, None, None]:
         """Yield the cloud from its first point to its last.
 
         Parameters
@@ -139,6 +141,20 @@ class Cloud:
         if seen == 0:
             raise FileError(self.damage or f"{_listing(self.paths)} has no points")
 
+    def judged(self, box: Sequence[tuple[float, float]] | None = None) -> Judgement:
+        """Judge what distances are, by the first file for which there is something to say.
+
+        `box` is the range of x and of y, once all has been read; files that say it in their header are not asked again.
+        """
+        for source in self.sources:
+            own = getattr(source, "coordinate_system", None) or self.coordinate_system
+            looks_so = bool(getattr(source, "looks_like_degrees", False))
+            said: tuple[tuple[float, float], ...] | None = getattr(source, "box", None)
+            judgement = judged(own, said[:2] if said else box, looks_so)
+            if judgement.caution:
+                return judgement
+        return Judgement()
+
     @property
     def digests(self) -> list[str] | None:
         """The number of points of each file and a checksum of them, once all have been read."""
@@ -176,9 +192,9 @@ class Cloud:
         """Warn of files that are given twice, and of those whose coordinates or times mean something else."""
         seen: set[Path] = set()
         for source in self.sources:
-            if source.path.resolve() in seen:
+            if (place := real(source.path)) in seen:
                 warn(f"{source.path} is given more than once: its points come as often, all at the same places")
-            seen.add(source.path.resolve())
+            seen.add(place)
         self._warn_of_systems()
         self._warn_of_clocks()
 
@@ -223,17 +239,6 @@ def damage_sentence(path: Path, read: int, announced: int, reason: str) -> str:
 def _coordinate_system(sources: Sequence[Source]) -> CoordinateSystem | None:
     systems: list[CoordinateSystem | None] = [getattr(source, "coordinate_system", None) for source in sources]
     return next((system for system in systems if system is not None), None)
-
-
-def _caution(system: CoordinateSystem | None, sources: Sequence[Source]) -> str | None:
-    """Say why distances are not what they seem, by the first file for which there is something to say."""
-    for source in sources:
-        own = getattr(source, "coordinate_system", None) or system
-        looks_so = bool(getattr(source, "looks_like_degrees", False))
-        box: tuple[tuple[float, float], ...] | None = getattr(source, "box", None)
-        if sentence := caution(own, box and box[:2], looks_so):
-            return sentence
-    return None
 
 
 def _extent_along_x(sources: Sequence[Source]) -> float | None:

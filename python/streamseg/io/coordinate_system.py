@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from .geokeys import read_keys
@@ -87,21 +88,51 @@ def looks_like_degrees(box: Sequence[tuple[float, float]], scale: Sequence[float
     return _is_on_earth(box) and finest <= _LARGEST_STEP_OF_DEGREES and scale[2] >= _STEPS_OF_HEIGHT * finest
 
 
-def caution(system: CoordinateSystem | None, box: Sequence[tuple[float, float]] | None, looks_so: bool) -> str | None:
-    """Say in one sentence why distances are not what they seem; None if nothing speaks against them.
+class Judgement(NamedTuple):
+    """What distances between the points of a cloud are.
+
+    in_degrees : whether x and y are angles, so that there are no lengths to measure with
+    caution : one sentence, if distances are not what they seem
+    is_contradicted : whether the coordinates cannot be of the system that the cloud names
+    """
+
+    in_degrees: bool = False
+    caution: str | None = None
+    is_contradicted: bool = False
+
+
+def judged(
+    system: CoordinateSystem | None, box: Sequence[tuple[float, float]] | None, looks_so: bool = False
+) -> Judgement:
+    """Judge by the system that a cloud names, and by what else is known of it.
 
     `box` is the bounding box in x and y, if it is known; `looks_so` whether the cloud looks like degrees.
     """
-    if system is not None and system.is_geographic and (box is None or _is_on_earth(box)):
-        return (
+    if system is not None and system.is_geographic:
+        if box is not None and _is_beyond_earth(box):
+            return Judgement(False, _contradiction(system), True)
+        return Judgement(
+            True,
             f"the coordinates are longitude and latitude in {system.unit or DEGREES} ({system.name}), and "
-            "distances are taken in that unit; reproject the cloud to a projected system first"
+            "distances are taken in that unit; reproject the cloud to a projected system first",
         )
     if system is None and looks_so:
-        return (
+        return Judgement(
+            True,
             "the coordinates look like longitude and latitude in degrees, though the cloud names no coordinate system, "
-            "and distances are taken in that unit; reproject it to a projected system first"
+            "and distances are taken in that unit; reproject it to a projected system first",
         )
+    return Judgement(False, _mixture(system))
+
+
+def _contradiction(system: CoordinateSystem) -> str:
+    return (
+        f"the coordinate system of the cloud ({system.name}) says that x and y are longitude and latitude, but they "
+        f"are beyond ±{_MOST_LONGITUDE:g} and ±{_MOST_LATITUDE:g}; distances are taken in their unit, whatever it is"
+    )
+
+
+def _mixture(system: CoordinateSystem | None) -> str | None:
     vertical = system.vertical_unit if system is not None else None
     if system is not None and vertical is not None and system.unit is not None and vertical != system.unit:
         return (
@@ -114,3 +145,9 @@ def caution(system: CoordinateSystem | None, box: Sequence[tuple[float, float]] 
 def _is_on_earth(box: Sequence[tuple[float, float]]) -> bool:
     limits = (_MOST_LONGITUDE, _MOST_LATITUDE)
     return all(-limit <= low <= high <= limit for (low, high), limit in zip(box, limits, strict=False))
+
+
+def _is_beyond_earth(box: Sequence[tuple[float, float]]) -> bool:
+    """Whether a box that is one is not on earth, not even if x is the latitude."""
+    is_box = all(-inf < low <= high < inf for low, high in box)
+    return is_box and not _is_on_earth(box) and not _is_on_earth(box[::-1])

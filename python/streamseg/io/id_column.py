@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidParameter
 from .labels import SEGMENT_DIMENSION
+from .spelling import letters_of
 from .text import SUFFIXES as TEXT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -15,7 +16,10 @@ if TYPE_CHECKING:
 
 # LAS has room for 32 bytes; many readers expect the last of them to be 0.
 _LONGEST_NAME = 31
-_IN_NO_TEXT = " \t\r\n,;\"'#"
+_IN_NO_TEXT = " ,;\"'#"
+# Much longer lines are not taken for names when they are read again.
+_LONGEST_WORD = 100
+_LONGEST_SHOWN = 120
 
 # Names that dimensions of some point format have, without what does not matter in them.
 STANDARD_NAMES = frozenset(
@@ -44,15 +48,18 @@ def checked_id_name(name: str | None, out: Path) -> str:
         return SEGMENT_DIMENSION
     suffix = out.suffix.lower()
     if suffix in TEXT_SUFFIXES:
-        if not isinstance(name, str) or not name or any(mark in name for mark in _IN_NO_TEXT):
-            raise InvalidParameter(f"id_name is {name!r}, allowed for text: a word without blanks, commas or quotes")
+        if not _is_word(name):
+            raise InvalidParameter(
+                f"id_name is {_shown(name)}, allowed for text: a word of at most {_LONGEST_WORD} bytes "
+                "without blanks, commas or quotes"
+            )
     elif suffix == ".npy":
         raise InvalidParameter(f"id_name is {name!r}, allowed: for LAS, LAZ and text; {out.name} holds the ids alone")
     elif not _is_short_and_plain(name):
         raise InvalidParameter(
-            f"id_name is {name!r}, allowed for LAS: 1 to {_LONGEST_NAME} ASCII letters, digits, marks"
+            f"id_name is {_shown(name)}, allowed for LAS: 1 to {_LONGEST_NAME} ASCII letters, digits, marks"
         )
-    if name.replace("_", "").replace(" ", "").lower() in STANDARD_NAMES:
+    if letters_of(name) in STANDARD_NAMES:
         raise InvalidParameter(f"id_name is {name!r}, allowed: a name that no dimension of LAS points has")
     return name
 
@@ -61,6 +68,18 @@ def id_type(points: int | None, largest_id: int) -> np.dtype[Any]:
     """Choose the type of the ids of a run of so many points: 32 bits where they fit, which every viewer can show."""
     fits = points is not None and max(points, largest_id) < _MOST_SMALL_IDS
     return np.dtype(np.int32 if fits else np.int64)
+
+
+def _is_word(name: Any) -> bool:
+    """Whether it can stand in a line of names; what UTF-8 cannot write is not printable."""
+    if not isinstance(name, str) or not name.isprintable() or any(mark in name for mark in _IN_NO_TEXT):
+        return False
+    return 0 < len(name.encode()) <= _LONGEST_WORD
+
+
+def _shown(name: Any) -> str:
+    text = repr(name)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"
 
 
 def _is_short_and_plain(name: Any) -> bool:

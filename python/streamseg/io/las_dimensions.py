@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from .las_records import EXTRA_BYTES, Record, descriptions
+from .spelling import letters_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,7 +22,10 @@ _SCAN_ANGLE_NAMES = ("scan_angle", "scan_angle_rank")
 _FIRST_FORMAT_WITH_STEPS = 6
 _STEPS_PER_6_DEGREES = 1000.0
 _NO_DATA, _SCALE, _OFFSET = 0b00001, 0b01000, 0b10000
-_NO_DATA_AT, _SCALE_AT, _OFFSET_AT = 40, 112, 136
+_NO_DATA_AT, _SCALE_AT, _OFFSET_AT, _TEXT_AT = 40, 112, 136, 160
+
+# How the description of the dimension with segment ids begins.
+SIGN_OF_IDS = b"streamseg segment"
 
 
 class ExtraDimension(NamedTuple):
@@ -45,6 +49,11 @@ class ExtraDimension(NamedTuple):
     def no_data(self) -> tuple[Any, ...] | None:
         """The stored values that mean "no data", one per number."""
         return self._declared(_widest(self.dtype.base), _NO_DATA, _NO_DATA_AT)
+
+    @property
+    def holds_ids_of_ours(self) -> bool:
+        """Whether an earlier run has written it, whatever it is called."""
+        return self.description is not None and self.description[_TEXT_AT:].startswith(SIGN_OF_IDS)
 
     @property
     def is_numeric(self) -> bool:
@@ -115,11 +124,6 @@ class Dimensions:
                 for number in range(one.dtype.shape[0]):
                     if (name := f"{one.name}{number}") not in taken:
                         yield name, (one, number)
-
-
-def letters_of(name: str) -> str:
-    """Return the name without what does not matter in it: case, underscores and blanks."""
-    return name.replace("_", "").replace(" ", "").lower()
 
 
 def _widest(dtype: np.dtype[Any]) -> str:

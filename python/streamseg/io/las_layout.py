@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InvalidInput
 from .coordinate_system import PROJECTION_USER
+from .labels import SEGMENT_DIMENSION
 from .las import LasSource, laspy
-from .las_dimensions import ExtraDimension, letters_of
+from .las_dimensions import SIGN_OF_IDS, ExtraDimension
 from .las_records import EXTRA_BYTES, LONGEST_VLR, Record, new_record
 from .las_writer import ENCODING_AT, MINOR_AT, WKT_BIT, adapted_header
+from .spelling import letters_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +30,7 @@ _FAMILIES = ((0, 1, 2, 3), (6, 7, 8))
 _EXTRA_DIMENSION = struct.Struct("<2xBB32s124x32s")
 _TYPE_CODES = {"<i4": 6, "<i8": 8}
 _SMALLEST_AND_LARGEST = 0b0110
-_ABOUT_IDS = b"streamseg segment, -1 = none"
+_ABOUT_IDS = SIGN_OF_IDS + b", -1 = none"
 
 
 class Layout(NamedTuple):
@@ -166,6 +168,11 @@ def _union(sources: Sequence[LasSource], ids: ExtraDimension) -> list[ExtraDimen
     for source in sources:
         for dimension in source.extra_dimensions:
             if dimension.name == ids.name:
+                if ids.name != SEGMENT_DIMENSION and not dimension.holds_ids_of_ours:
+                    raise InvalidInput(
+                        f"{source.path.name} has a dimension {ids.name!r} that streamseg has not written; "
+                        "give the ids another name with id_name (--id-name)"
+                    )
                 if dimension.dtype == ids.dtype and dimension.meaning == ids.meaning:
                     union.setdefault(ids.name, ids)
                 continue

@@ -53,7 +53,7 @@ class NpySource:
         self.dimensions, axes = _dimensions(header, path)
         x, y, z = axes.places or (0, 1, 2)
         self._xyz = (self.dimensions[x], self.dimensions[y], self.dimensions[z])
-        self.point_count: int | None = header.shape[0]
+        self.point_count: int | None = min(header.shape[0], self._most_points())
         self.number_type = header.dtype if header.dtype.names is None else header.dtype[self._xyz[0]]
         self.coordinate_system = LONGITUDE_LATITUDE if axes.in_degrees else None
         self.columns_said = (
@@ -87,6 +87,11 @@ class NpySource:
     def _bytes_at_once(self) -> int:
         """Bytes that are read together for each point."""
         return self._header.dtype.itemsize * (1 if self._header.by_column else self._header.width)
+
+    def _most_points(self) -> int:
+        """Count the points that the file has room for, whatever it announces; at least one, to be told as damage."""
+        items = self._bytes_of_points // self._header.dtype.itemsize
+        return max(1, items if self._header.by_column else items // self._header.width)
 
     def _readable(self, names: tuple[str, ...]) -> int:
         rows = self._header.shape[0]

@@ -1,21 +1,22 @@
-"""Files that can be read again and again: what else a path may lead to is refused in one sentence."""
+"""What is at a path that somebody gave: a file that can be read again and again, something else, or nothing.
+
+Every look at such a path goes through here: what the system refuses, a name that is too long for example, is told
+in one sentence.
+"""
 
 from __future__ import annotations
 
+import glob
 import os
-import re
 import stat
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from ..errors import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
-
-# What a shell would have made names of: any * or ?, and brackets around a range.
-_PATTERN = re.compile(r"[*?]|\[[^\]/]*\w-\w[^\]/]*\]")
 
 _SPECIAL = {
     stat.S_IFIFO: "a pipe (FIFO)",
@@ -23,6 +24,49 @@ _SPECIAL = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+
+
+def there(path: Path, *, is_followed: bool = True) -> os.stat_result | None:
+    """Look what is at a path, or at the end of the links there; None if there is nothing.
+
+    Raises
+    ------
+    FileError
+        It cannot be told, or nothing can ever be there.
+    """
+    try:
+        return os.stat(path, follow_symlinks=is_followed)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise FileError(f"{path} cannot be reached: {error.strerror or error}") from None
+    except ValueError:
+        raise _no_path(path) from None
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder at a path; see `there`."""
+    said = there(path)
+    return said is not None and stat.S_ISDIR(said.st_mode)
+
+
+def real(path: Path | str) -> Path:
+    """Follow all links of a path, as far as they lead anywhere.
+
+    Raises
+    ------
+    FileError
+        Nothing can ever be there.
+    """
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError:
+        raise _no_path(path) from None
+
+
+def _no_path(path: Path | str) -> FileError:
+    said = "a NUL character" if "\0" in str(path) else "a character that no name can have"
+    return FileError(f"{str(path)!r} is no path of a file: it holds {said}")
 
 
 def require_file(path: Path) -> None:
@@ -36,7 +80,7 @@ def require_file(path: Path) -> None:
     try:
         mode = os.stat(path).st_mode
     except ValueError:
-        raise FileError(f"{str(path)!r} is no path of a file: it holds a NUL character") from None
+        raise _no_path(path) from None
     except FileNotFoundError:
         if path.is_symlink():
             raise FileError(f"{path} does not exist: it links to {os.readlink(path)}") from None
@@ -55,16 +99,19 @@ def require_file(path: Path) -> None:
 
 
 def is_pattern(path: Path) -> bool:
-    """Whether a path that is not there looks like a pattern for many."""
-    within = _exists(path.parent)
-    return not _exists(path) and _PATTERN.search(path.name if within else str(path)) is not None
+    """Whether a path that is not there is a pattern for many: brackets are so only where something fits them.
 
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError:  # a name that is too long
+    Raises
+    ------
+    FileError
+        See `there`.
+    """
+    if there(path) is not None:
         return False
+    is_within = there(path.parent) is not None
+    text = path.name if is_within else str(path)
+    pattern = f"{glob.escape(str(path.parent))}/{path.name}" if is_within else str(path)
+    return any(mark in text for mark in "*?") or ("[" in text and any(True for _ in glob.iglob(pattern)))
 
 
 @contextmanager

@@ -12,7 +12,8 @@ from ..errors import FileError, InvalidParameter, OutputExists
 from .claims import Claim, claim_part
 from .earlier import foreign, is_like_inputs
 from .home import Home, abandon
-from .opening import is_pattern
+from .labels import SEGMENT_DIMENSION
+from .opening import is_folder, is_pattern, real, there
 from .text import SUFFIXES as TEXT_SUFFIXES
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ _COPC_SUFFIX = ".copc.laz"
 OUTPUT_SUFFIXES = (".las", ".laz", ".npy", *TEXT_SUFFIXES)
 
 
-def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool = False) -> None:
+def check_output(
+    out: Path | str, inputs: Sequence[Path | str], overwrite: bool = False, id_name: str | None = None
+) -> None:
     """Refuse an output that cannot or must not be written, before any work is done.
 
     Parameters
@@ -36,6 +39,8 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
     overwrite : bool
         Whether `out` may replace a file that is there. A cloud, array or text that streamseg has not written
         is never replaced.
+    id_name : str, default "SegmentID"
+        What the ids are called, also in an earlier output.
 
     Raises
     ------
@@ -53,7 +58,8 @@ def check_output(out: Path | str, inputs: Sequence[Path | str], overwrite: bool 
         plain = out.name[: -len(_COPC_SUFFIX)] + out.suffix
         raise InvalidParameter(f"output {out} is called as COPC is, which is not written; name it {plain}")
     paths = [Path(path) for path in inputs]
-    check_file(out, paths, overwrite, "output", lambda there: _foreign(there, paths, overwrite))
+    name = id_name or SEGMENT_DIMENSION
+    check_file(out, paths, overwrite, "output", lambda old: _foreign(old, paths, overwrite, name))
 
 
 def check_file(
@@ -63,26 +69,28 @@ def check_file(
 
     `what` names it in messages, and `foreign` says of one that is there what it is, if it must not be replaced.
     """
-    refuse_pattern(out, what)
     target = _target(out)
-    if not target.parent.is_dir():
+    refuse_pattern(out, what)
+    if not is_folder(target.parent):
         raise FileError(f"cannot write {out}: the folder {target.parent} does not exist")
-    if target.exists():
+    if there(target) is not None:
         _check_existing(out, inputs, what)
         _check_replaced(out, overwrite, foreign)
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise FileError(f"cannot write {out}: no permission to write into the folder {target.parent.resolve()}")
+        raise FileError(f"cannot write {out}: no permission to write into the folder {real(target.parent)}")
 
 
 def refuse_pattern(out: Path, what: str) -> None:
-    """Refuse a name that is a pattern for many, unless it is there."""
+    """Refuse a name that nothing can have, or that is a pattern for many, unless it is there."""
     if is_pattern(out):
-        raise InvalidParameter(f"{what} is {out}, allowed: the name of one file or folder, without * ? or [a-z]")
+        raise InvalidParameter(
+            f"{what} is {out}, allowed: the name of one file or folder, without * or ?, or brackets that fit another"
+        )
 
 
-def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool) -> str | None:
-    found = foreign(out, inputs)
-    if found is None and overwrite and is_like_inputs(out, inputs):
+def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool, id_name: str) -> str | None:
+    found = foreign(out, inputs, id_name)
+    if found is None and overwrite and is_like_inputs(out, inputs, id_name):
         found = "labelled as the inputs beside it are"
     if found is not None and any(path.suffix.lower() == out.suffix.lower() for path in inputs):
         return f"{found} (is OUT missing?)"
@@ -95,7 +103,8 @@ def _check_existing(out: Path, inputs: Sequence[Path], what: str) -> None:
     if not out.is_file():
         raise FileError(f"cannot write {out}: it is a pipe or a device, and only files are written")
     for path in inputs:
-        if path.exists() and out.samefile(path):
+        said = there(path)
+        if said is not None and os.path.samestat(said, out.stat()):
             raise InvalidParameter(f"{what} {out} is the input {path}; give the {what} another name")
 
 
@@ -114,10 +123,12 @@ def _check_replaced(out: Path, overwrite: bool, foreign: Callable[[Path], str | 
 
 def _target(out: Path) -> Path:
     """Follow symbolic links to the file that is to be written; the links stay."""
-    if not out.is_symlink():
+    said = there(out, is_followed=False)
+    if said is None or not stat.S_ISLNK(said.st_mode):
         return out
-    target = Path(os.path.realpath(out))
-    if target.is_symlink():
+    target = real(out)
+    said = there(target, is_followed=False)
+    if said is not None and stat.S_ISLNK(said.st_mode):
         raise FileError(f"cannot write {out}: it is a symbolic link that leads to itself")
     return target
 
@@ -163,7 +174,7 @@ def replacing(out: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
         cause = guard.error if guard is not None and guard.error is not None else error
         if isinstance(cause, OSError) and not isinstance(cause, FileError) and isinstance(error, Exception):
             raise FileError(
-                f"cannot write {out}: {cause.strerror or cause}; nothing half-written is left in {out.parent.resolve()}"
+                f"cannot write {out}: {cause.strerror or cause}; nothing half-written is left in {real(out.parent)}"
             ) from error
         raise
     finally:

@@ -88,7 +88,7 @@ def write_labelled(
         The files cannot be written as one, or no point has been reached.
     """
     out = Path(out)
-    check_output(out, cloud.paths, overwrite)
+    check_output(out, cloud.paths, overwrite, id_name)
     sink = _sink(cloud, out, id_name, labels)
     done = written = labelled = 0
     told, home = cloud.damage, Home(f"the writing of {out}")

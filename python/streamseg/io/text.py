@@ -68,7 +68,7 @@ class TextSource:
             others = {name: np.ascontiguousarray(table[:, 3 + i]) for i, name in enumerate(attributes)}
             yield Chunk(points, others)
 
-    def lines(self, size: int) -> Iterator[tuple[list[str], NDArray[np.float64]]]:
+    def lines(self, size: int) -> Generator[tuple[list[str], NDArray[np.float64]], None, None]:
         """Yield the lines that hold points, without their ends, and these points, in the order of `chunks`."""
         yield from self._parsed(size, [])
 

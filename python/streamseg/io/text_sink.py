@@ -9,12 +9,13 @@ import numpy as np
 from numpy.lib import format as npy_format
 
 from ..errors import InvalidInput
-from .axes import listed
+from .axes import axes_of, listed
 from .labels import NO_SEGMENT, SEGMENT_DIMENSION
-from .text_lines import BOM, to_bytes
+from .spelling import letters_of
+from .text_lines import BOM, to_bytes, to_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,12 +31,13 @@ _NPY_HEADER_BYTES = 128
 class LineSink:
     """Text in, text out: each line is kept and its segment id appended.
 
-    A file that was written this way before has its ids replaced: its header ends in the name of the ids.
+    A last column called ``SegmentID`` is of an earlier run and replaced. Text cannot say of other names whether they
+    are, so nothing that is there is called like the ids.
 
     Raises
     ------
     InvalidInput
-        Lines of several files would not have the same columns.
+        Lines of several files would not have the same columns, or two columns the same name.
     """
 
     def __init__(self, cloud: Cloud, id_name: str = SEGMENT_DIMENSION) -> None:
@@ -44,6 +46,12 @@ class LineSink:
         self._sources = cast("tuple[TextSource, ...]", cloud.sources)
         for source in self._sources[1:]:
             _require_same_columns(self._sources[0], source)
+        layout = self._sources[0].layout
+        is_named = layout.header is not None
+        # Files without names have the columns of the first.
+        self._replaces = is_named and id_name == SEGMENT_DIMENSION == layout.names[-1]
+        if is_named:
+            _require_free_name(self._sources[0], layout.names[:-1] if self._replaces else layout.names, id_name)
 
     def begin(self, file: BinaryIO) -> None:
         """Write the line of names, if the first file has one."""
@@ -55,8 +63,8 @@ class LineSink:
             header = layout.header.rstrip()
             if layout.ends_in_delimiter:
                 header = header.removesuffix(layout.header_joiner.strip())
-            kept = self._without_ids(layout, header, layout.header_joiner)
-            file.write(to_bytes(f"{kept}{layout.header_joiner}{self._id_name}\n"))
+            kept = _without_last(header, layout.header_joiner) if self._replaces else header
+            file.write(to_bytes(f"{kept}{layout.header_joiner}{to_text(self._id_name.encode())}\n"))
 
     def blocks(self) -> Iterator[tuple[int, Any]]:
         """Yield the number of points and their lines, per block."""
@@ -75,8 +83,8 @@ class LineSink:
         if not kept.all():
             lines, ids = [line for line, keep in zip(lines, kept.tolist(), strict=True) if keep], ids[kept]
         layout = self._sources[index].layout
-        if layout.names[-1] == self._id_name:
-            lines = [self._without_ids(layout, line, layout.delimiter) for line in lines]
+        if self._replaces:
+            lines = [_without_last(line, layout.delimiter) for line in lines]
         line_end = f"{layout.joiner}%d\n"
         pairs = zip(lines, ids.tolist(), strict=True)
         self._file.write(to_bytes("".join(map(f"%s{line_end}".__mod__, pairs))))
@@ -85,11 +93,25 @@ class LineSink:
     def finish(self) -> None:
         """Nothing is left to do."""
 
-    def _without_ids(self, layout: TextLayout, line: str, delimiter: str | None) -> str:
-        """Take the segment id of an earlier run away, if there is one."""
-        if layout.names[-1] != self._id_name:
-            return line
-        return line.rstrip().rsplit(delimiter if delimiter != " " else None, 1)[0]
+
+def _without_last(line: str, delimiter: str | None) -> str:
+    """Take the last column away."""
+    return line.rstrip().rsplit(delimiter if delimiter != " " else None, 1)[0]
+
+
+def _require_free_name(source: TextSource, kept: Sequence[str], id_name: str) -> None:
+    """Refuse a name of the ids that one of the columns beside them has, or by which x, y and z are another."""
+    taken = next((name for name in kept if letters_of(name) == letters_of(id_name)), None)
+    if taken is not None:
+        raise InvalidInput(
+            f"{source.path.name} has a column {taken!r} already, and text does not say who has written it; give the "
+            "ids another name with id_name (--id-name), or take that column out"
+        )
+    if axes_of((*kept, id_name)).places != source.layout.axes.places:
+        raise InvalidInput(
+            f"{source.path.name} with a column {id_name!r} would not say any more where x, y and z are; give the ids "
+            "another name with id_name (--id-name)"
+        )
 
 
 def _require_same_columns(first: TextSource, other: TextSource) -> None:

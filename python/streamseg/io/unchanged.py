@@ -137,6 +137,6 @@ def _stamp(path: Path) -> tuple[int, int] | None:
     """Size and time of a file; none if it is gone, or is a pipe or the like."""
     try:
         said = os.stat(path)
-    except OSError:
+    except (OSError, ValueError):  # no path at all is told when the file is opened
         return None
     return (said.st_size, said.st_mtime_ns) if stat.S_ISREG(said.st_mode) else None
