@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import warnings
 from typing import TYPE_CHECKING
 
 import laspy
@@ -74,6 +75,22 @@ def test_a_chunk_table_with_more_chunks_than_announced_is_told(
     assert count == read
     assert f"b.laz holds up to {more:,} points more than the {announced:,}" in str(damage)
     assert np.array_equal(np.concatenate([c.points for c in open_cloud(path).chunks()]), whole.steps[:read])
+
+
+@pytest.mark.parametrize("announced", [1, 45_000, 60_000, 97_000])
+def test_a_chunk_that_is_decoded_in_several_pieces_ends_where_announced(
+    las: laspy.LasData, tmp_path: Path, announced: int
+) -> None:
+    las.points = las.points[np.tile(np.arange(10_000), 18)]
+    las.X = np.arange(180_000)
+    whole = laz_files.write(tmp_path / "a.laz", las, 60_000)
+    assert whole.records[:60_000].nbytes > 1 << 20
+    path = with_field(whole.path, tmp_path / "b.laz", (*OLD_COUNT, announced))
+    for _ in range(2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", StreamsegWarning)
+            points = np.concatenate([chunk.points for chunk in open_cloud(path).chunks()])
+        assert np.array_equal(points, whole.steps[:announced])
 
 
 @pytest.mark.parametrize("announced", [10_500, 20_000, 4_000_000_000])

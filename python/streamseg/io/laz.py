@@ -82,6 +82,8 @@ class CompressedPoints:
                 for piece in self._decoded(decoders, layout, selection):
                     yield piece[:left]
                     left -= len(piece)
+                    if left <= 0:  # the header announces fewer points than this chunk has
+                        break
             except Undecodable as error:
                 self.reason = str(error)
             else:
