@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import laspy
+import lazrs
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -301,3 +302,23 @@ def test_an_id_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="does not fit into int32"):
         write_labelled(open_cloud(tmp_path / "a.npy"), tmp_path / "b.las", Lying())
     assert not (tmp_path / "b.las").exists()
+
+
+def test_chunks_of_wide_points_are_bounded_in_bytes(tmp_path: Path) -> None:
+    """The proof of a chunk holds it; so does a compressor that works in threads."""
+    width, count = 4_000, 9_000
+    header = laspy.LasHeader(point_format=1, version="1.2")
+    header.add_extra_dim(laspy.ExtraBytesParams("mine", f"{width}u1"))
+    las = laspy.LasData(header)
+    las.X = np.arange(count)
+    las.points.array["mine"][:, ::1000] = np.arange(count)[:, None] % 251
+    las.write(str(tmp_path / "a.las"))
+    write_labelled(open_cloud(tmp_path / "a.las"), tmp_path / "b.laz", Labels())
+    with laspy.open(tmp_path / "b.laz") as reader:
+        vlr = lazrs.LazVlr(bytes(reader.header.vlrs.get("LasZipVlr")[0].record_data))
+        assert (16 - 1) * 1e6 < vlr.chunk_size() * reader.header.point_format.size <= 16 * 2**20
+    cloud = open_cloud(tmp_path / "b.laz")
+    points = np.concatenate([chunk.points for chunk in cloud.chunks()])
+    assert cloud.damage is None
+    assert np.array_equal(points[:, 0], np.arange(count))
+    assert np.array_equal(laspy.read(tmp_path / "b.laz").points.array["mine"], las.points.array["mine"])
