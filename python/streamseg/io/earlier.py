@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING
 
 from ..errors import StreamsegError
-from .labels import SEGMENT_DIMENSION
+from .labels import LAS_SIGN, SEGMENT_DIMENSION
 from .text import SUFFIXES as TEXT_SUFFIXES
 from .text import TextLayout, TextSource
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 _LAS_SUFFIXES = (".las", ".laz")
 _LAS_MAGIC, _NPY_MAGIC, _PNG_MAGIC = b"LASF", b"\x93NUMPY", b"\x89PNG\r\n\x1a\n"
-# How the description of the dimension with the ids begins, whatever the dimension is called.
-_LAS_SIGN = b"streamseg segment"
 _LAS_POINTS_AT = 96
 _MOST_HEADER = 1 << 24
 _NPY_OF_IDS = (rb"'descr': '[<|>=]?i\d'", rb"'shape': \(\d+,\)")
@@ -85,7 +83,7 @@ def _has_sign(path: Path) -> bool:
         file.seek(_LAS_POINTS_AT)
         points_at = int.from_bytes(file.read(4), "little")
         file.seek(0)
-        return _LAS_SIGN in file.read(min(points_at, _MOST_HEADER))
+        return LAS_SIGN in file.read(min(points_at, _MOST_HEADER))
 
 
 def _is_our_text(path: Path, inputs: Sequence[Path]) -> bool:

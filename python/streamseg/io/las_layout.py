@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InvalidInput
 from .coordinate_system import PROJECTION_USER
+from .labels import LAS_SIGN
 from .las import LasSource, laspy
 from .las_dimensions import ExtraDimension, letters_of
 from .las_records import EXTRA_BYTES, LONGEST_VLR, Record, new_record
@@ -28,7 +29,7 @@ _FAMILIES = ((0, 1, 2, 3), (6, 7, 8))
 _EXTRA_DIMENSION = struct.Struct("<2xBB32s124x32s")
 _TYPE_CODES = {"<i4": 6, "<i8": 8}
 _SMALLEST_AND_LARGEST = 0b0110
-_ABOUT_IDS = b"streamseg segment, -1 = none"
+_ABOUT_IDS = LAS_SIGN + b", -1 = none"
 
 
 class Layout(NamedTuple):
