@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 import warnings
 from typing import TYPE_CHECKING
@@ -12,9 +13,11 @@ import pytest
 
 from reference import laz_files
 from streamseg.errors import FileError, StreamsegWarning
-from streamseg.io import open_cloud
+from streamseg.io import las_blocks, open_cloud
+from streamseg.io.las_box import Box
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 OLD_COUNT, COUNT = ("<I", 107), ("<Q", 247)
@@ -182,3 +185,43 @@ def test_a_laz_of_one_chunk_as_the_first_laszip_wrote_it_is_read(data: Path) -> 
     assert len(points) == 1_065
     assert cloud.damage is None
     np.testing.assert_array_equal(points, np.column_stack([truth.X, truth.Y, truth.Z]))
+
+
+def test_all_that_is_odd_of_a_file_is_told(data: Path, tmp_path: Path) -> None:
+    path = data / "odd" / "pointwise-laszip-1.2r0.laz"
+    with laspy.open(path) as reader, path.open("rb") as file:
+        body = las_blocks.body_of(file, path, reader.header, Box(reader.header), 1_000)
+    assert len(body.remarks) == 2
+    assert "is compressed in one piece" in body.remarks[0]
+    assert "1,065 points in one field of its header, and 1,000 in another; 1,065 are read" in body.remarks[1]
+
+
+def test_no_memory_is_no_damage_of_a_header(
+    las: laspy.LasData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    las.write(str(tmp_path / "a.las"))
+    for raised, told in ((MemoryError, MemoryError), (IndexError, FileError), (laspy.LaspyException, FileError)):
+        monkeypatch.setattr("laspy.LasHeader.read_from", _raising(raised))
+        with pytest.raises(told):
+            open_cloud(tmp_path / "a.las")
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_what_the_system_refuses_to_read_is_one_sentence(
+    las: laspy.LasData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    las.write(str(path))
+    cloud = open_cloud(path)
+    place = "las_plain.PlainPoints" if suffix == ".las" else "laz.CompressedPoints"
+    method = "_read" if suffix == ".las" else "_decoded"
+    monkeypatch.setattr(f"streamseg.io.{place}.{method}", _raising(OSError(errno.EIO, "Input/output error")))
+    with pytest.raises(FileError, match=f"a{suffix} cannot be read: Input/output error"):
+        list(cloud.chunks())
+
+
+def _raising(error: type[Exception] | Exception) -> Callable[..., None]:
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail

@@ -174,3 +174,14 @@ def test_nothing_of_a_large_chunk_is_handed_out_before_it_is_proven(tmp_path: Pa
         decoders.ask(request)
         with pytest.raises(Undecodable):
             next(decoders.pieces())
+
+
+def test_no_memory_for_the_proof_is_not_taken_for_another_encoder(
+    clip: LazFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_memory(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("lazrs.LasZipCompressor", no_memory)
+    with pytest.raises(MemoryError):
+        laz_decoder._compressed(requests(clip)[0], [])

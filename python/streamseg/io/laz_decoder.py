@@ -171,7 +171,7 @@ def _compressed(request: Request, points: Iterable[bytearray]) -> bytes:
         for block in points:
             encoder.compress_many(block)
         encoder.done()
-    except (KeyboardInterrupt, SystemExit):
+    except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException:  # a Rust panic derives from BaseException only
         return b""
