@@ -225,3 +225,26 @@ def _raising(error: type[Exception] | Exception) -> Callable[..., None]:
         raise error
 
     return fail
+
+
+@pytest.mark.parametrize("point_format", [0, 1, 6, 7])
+def test_a_chunk_of_equal_points_is_believed(tmp_path: Path, point_format: int) -> None:
+    """Nothing takes less room than points that are all the same."""
+    las = laspy.LasData(laspy.LasHeader(point_format=point_format, version="1.4"))
+    las.X = np.full(200_000, 7)
+    whole = laz_files.write(tmp_path / "a.laz", las, [200_000])
+    assert whole.starts[1] - whole.starts[0] < 1_000
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert points_of(whole.path) == (200_000, None)
+
+
+@pytest.mark.parametrize("claimed", [(1 << 32) - 2, 200_000_000])
+def test_a_count_that_a_chunk_has_no_room_for_is_damage(data: Path, tmp_path: Path, claimed: int) -> None:
+    las = laz_files.clip(data / "als" / "lidarhd_77050_627755.laz", 6_000, 6)
+    whole = laz_files.write(tmp_path / "a.laz", las, [2_000, 2_000, 2_000])
+    at = whole.starts[1] + whole.records.itemsize
+    cloud = open_cloud(with_field(whole.path, tmp_path / "b.laz", ("<I", at, claimed)))
+    assert cloud.point_count == 6_000
+    assert sum(len(chunk.points) for chunk in cloud.chunks()) == 2_000
+    assert "is damaged after point 2,000 of 6,000" in str(cloud.damage)
