@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from streamseg.errors import InvalidInput, StreamsegWarning
+from streamseg.errors import FileError, InvalidInput, StreamsegWarning
 from streamseg.io import LabelSpool, check_kind, open_cloud, write_labelled
 
 FORMATS = [
@@ -326,3 +327,22 @@ def test_chunks_of_wide_points_are_bounded_in_bytes(tmp_path: Path) -> None:
     assert np.array_equal(points[:, 0], np.arange(count))
     new = laspy.read(tmp_path / "b.laz").points.array["ExtraBytes"]
     assert np.array_equal(new, las.points.array["mine"])
+
+
+def test_an_extended_record_is_read_when_it_is_written(tmp_path: Path) -> None:
+    """A file that becomes shorter meanwhile is told; a map of it would end the process."""
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.X = np.arange(5)
+    wkt = laspy.VLR("LASF_Projection", 2112, "", b"PROJCS" + b" " * 3_000_000)
+    las.evlrs = laspy.vlrs.vlrlist.VLRList([wkt])
+    path = tmp_path / "a.las"
+    las.write(str(path))
+    cloud = open_cloud(path)
+    (record,) = cloud.sources[0].evlrs()  # type: ignore[attr-defined]
+    assert cloud.coordinate_system is None
+    assert [len(block) for block in record.data.blocks()] == [1 << 20, 1 << 20, 3_000_006 - (2 << 20)]
+    write_labelled(cloud, tmp_path / "b.las", Labels())
+    assert take_apart(tmp_path / "b.las").evlrs[0].data == wkt.record_data
+    os.truncate(path, path.stat().st_size - 2_000_000)
+    with pytest.raises(FileError, match=r"a\.las became shorter while it was read"):
+        bytes(record.data)

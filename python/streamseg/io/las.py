@@ -7,7 +7,6 @@ checked first.
 from __future__ import annotations
 
 import io
-import mmap
 import os
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -20,7 +19,7 @@ from .coordinate_system import looks_like_degrees, read_system
 from .las_blocks import body_of, in_blocks
 from .las_box import Box, outside_sentence
 from .las_dimensions import Dimensions
-from .las_records import EVLR, VLR, WAVEFORMS, Record, legible, whole_records
+from .las_records import VLR, WAVEFORMS, Record, legible, stored_records, whole_records
 from .lattice import Lattice
 from .opening import reading
 
@@ -128,18 +127,17 @@ class LasSource:
         return int(header.number_of_evlrs if header.version.minor >= 4 else self._has_waveforms)
 
     def evlrs(self) -> list[Record]:
-        """Return the extended records that lie completely inside the file, with views of the file as payloads."""
+        """Return the extended records that lie completely inside the file; their payloads stay there."""
         header, found = self.header, list[Record]()
         if not self.announced_evlrs and not self._has_waveforms:
             return found
-        with open(self.path, "rb") as file:
-            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-        if header.version.minor >= 4:
-            found = whole_records(data, header.start_of_first_evlr, header.number_of_evlrs, EVLR)
-        if self._has_waveforms and all(record.key != WAVEFORMS for record in found):
-            # Before version 1.4 this is the only record behind the points.
-            record = whole_records(data, header.start_of_waveform_data_packet_record, 1, EVLR)
-            found += [one for one in record if one.key == WAVEFORMS]
+        with reading(self.path) as file:
+            if header.version.minor >= 4:
+                found = stored_records(file, self.path, header.start_of_first_evlr, header.number_of_evlrs)
+            if self._has_waveforms and all(record.key != WAVEFORMS for record in found):
+                # Before version 1.4 this is the only record behind the points.
+                record = stored_records(file, self.path, header.start_of_waveform_data_packet_record, 1)
+                found += [one for one in record if one.key == WAVEFORMS]
         return found
 
     @property

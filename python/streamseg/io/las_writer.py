@@ -97,7 +97,8 @@ class LasWriter:
         for record in evlrs:
             starts.setdefault(record.key, at)
             self._file.write(record.packed_head(EVLR))
-            self._file.write(record.data)
+            for block in [record.data] if isinstance(record.data, bytes) else record.data.blocks():
+                self._file.write(block)
             at += EVLR.size + len(record.data)
         self._count()
         if self._minor >= 3:
