@@ -222,3 +222,14 @@ def test_progress_is_told_and_a_spool_can_be_written(tmp_path: Path, source: Pat
         assert write_labelled(open_cloud(source), tmp_path / "out.csv", spool, progress=told.append) == 7
     assert told == [10]
     assert (tmp_path / "out.csv").read_text().splitlines()[-1] == "18.0,19.0,20.0,6"
+
+
+def test_ids_that_cannot_be_read_again_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(5, "Input/output error")
+
+    with LabelSpool() as spool:
+        spool.add([3], [7])
+        monkeypatch.setattr("numpy.fromfile", refuse)
+        with pytest.raises(FileError, match=r"pairs cannot be read: Input/output error"):
+            spool.read(0, 4)

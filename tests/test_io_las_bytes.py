@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import laspy
+import lazrs
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from streamseg.errors import InvalidInput, StreamsegWarning
+from streamseg.errors import FileError, InvalidInput, StreamsegWarning
 from streamseg.io import LabelSpool, check_kind, open_cloud, write_labelled
 
 FORMATS = [
@@ -301,3 +303,46 @@ def test_an_id_that_does_not_fit_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="does not fit into int32"):
         write_labelled(open_cloud(tmp_path / "a.npy"), tmp_path / "b.las", Lying())
     assert not (tmp_path / "b.las").exists()
+
+
+def test_chunks_of_wide_points_are_bounded_in_bytes(tmp_path: Path) -> None:
+    """The proof of a chunk holds it; so does a compressor that works in threads."""
+    width, count = 4_000, 9_000
+    header = laspy.LasHeader(point_format=1, version="1.2")
+    header.add_extra_dim(laspy.ExtraBytesParams("mine", f"{width}u1"))
+    las = laspy.LasData(header)
+    las.X = np.arange(count)
+    las.points.array["mine"][:, ::1000] = np.arange(count)[:, None] % 251
+    las.write(str(tmp_path / "a.las"))
+    raw = bytearray((tmp_path / "a.las").read_bytes())
+    raw[227 + 2 : 227 + 18] = b"nobody".ljust(16, b"\0")  # hides the record that describes them
+    (tmp_path / "a.las").write_bytes(raw)
+    write_labelled(open_cloud(tmp_path / "a.las"), tmp_path / "b.laz", Labels())
+    with laspy.open(tmp_path / "b.laz") as reader:
+        vlr = lazrs.LazVlr(bytes(reader.header.vlrs.get("LasZipVlr")[0].record_data))
+        assert (16 - 1) * 1e6 < vlr.chunk_size() * reader.header.point_format.size <= 16 * 2**20
+    cloud = open_cloud(tmp_path / "b.laz")
+    points = np.concatenate([chunk.points for chunk in cloud.chunks()])
+    assert cloud.damage is None
+    assert np.array_equal(points[:, 0], np.arange(count))
+    new = laspy.read(tmp_path / "b.laz").points.array["ExtraBytes"]
+    assert np.array_equal(new, las.points.array["mine"])
+
+
+def test_an_extended_record_is_read_when_it_is_written(tmp_path: Path) -> None:
+    """A file that becomes shorter meanwhile is told; a map of it would end the process."""
+    las = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    las.X = np.arange(5)
+    wkt = laspy.VLR("LASF_Projection", 2112, "", b"PROJCS" + b" " * 3_000_000)
+    las.evlrs = laspy.vlrs.vlrlist.VLRList([wkt])
+    path = tmp_path / "a.las"
+    las.write(str(path))
+    cloud = open_cloud(path)
+    (record,) = cloud.sources[0].evlrs()  # type: ignore[attr-defined]
+    assert cloud.coordinate_system is None
+    assert [len(block) for block in record.data.blocks()] == [1 << 20, 1 << 20, 3_000_006 - (2 << 20)]
+    write_labelled(cloud, tmp_path / "b.las", Labels())
+    assert take_apart(tmp_path / "b.las").evlrs[0].data == wkt.record_data
+    os.truncate(path, path.stat().st_size - 2_000_000)
+    with pytest.raises(FileError, match=r"a\.las became shorter while it was read"):
+        bytes(record.data)

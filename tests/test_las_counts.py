@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import struct
+import warnings
 from typing import TYPE_CHECKING
 
 import laspy
@@ -11,9 +13,11 @@ import pytest
 
 from reference import laz_files
 from streamseg.errors import FileError, StreamsegWarning
-from streamseg.io import open_cloud
+from streamseg.io import las_blocks, open_cloud
+from streamseg.io.las_box import Box
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
 OLD_COUNT, COUNT = ("<I", 107), ("<Q", 247)
@@ -74,6 +78,22 @@ def test_a_chunk_table_with_more_chunks_than_announced_is_told(
     assert count == read
     assert f"b.laz holds up to {more:,} points more than the {announced:,}" in str(damage)
     assert np.array_equal(np.concatenate([c.points for c in open_cloud(path).chunks()]), whole.steps[:read])
+
+
+@pytest.mark.parametrize("announced", [1, 45_000, 60_000, 97_000])
+def test_a_chunk_that_is_decoded_in_several_pieces_ends_where_announced(
+    las: laspy.LasData, tmp_path: Path, announced: int
+) -> None:
+    las.points = las.points[np.tile(np.arange(10_000), 18)]
+    las.X = np.arange(180_000)
+    whole = laz_files.write(tmp_path / "a.laz", las, 60_000)
+    assert whole.records[:60_000].nbytes > 1 << 20
+    path = with_field(whole.path, tmp_path / "b.laz", (*OLD_COUNT, announced))
+    for _ in range(2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", StreamsegWarning)
+            points = np.concatenate([chunk.points for chunk in open_cloud(path).chunks()])
+        assert np.array_equal(points, whole.steps[:announced])
 
 
 @pytest.mark.parametrize("announced", [10_500, 20_000, 4_000_000_000])
@@ -165,3 +185,66 @@ def test_a_laz_of_one_chunk_as_the_first_laszip_wrote_it_is_read(data: Path) -> 
     assert len(points) == 1_065
     assert cloud.damage is None
     np.testing.assert_array_equal(points, np.column_stack([truth.X, truth.Y, truth.Z]))
+
+
+def test_all_that_is_odd_of_a_file_is_told(data: Path, tmp_path: Path) -> None:
+    path = data / "odd" / "pointwise-laszip-1.2r0.laz"
+    with laspy.open(path) as reader, path.open("rb") as file:
+        body = las_blocks.body_of(file, path, reader.header, Box(reader.header), 1_000)
+    assert len(body.remarks) == 2
+    assert "is compressed in one piece" in body.remarks[0]
+    assert "1,065 points in one field of its header, and 1,000 in another; 1,065 are read" in body.remarks[1]
+
+
+def test_no_memory_is_no_damage_of_a_header(
+    las: laspy.LasData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    las.write(str(tmp_path / "a.las"))
+    for raised, told in ((MemoryError, MemoryError), (IndexError, FileError), (laspy.LaspyException, FileError)):
+        monkeypatch.setattr("laspy.LasHeader.read_from", _raising(raised))
+        with pytest.raises(told):
+            open_cloud(tmp_path / "a.las")
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_what_the_system_refuses_to_read_is_one_sentence(
+    las: laspy.LasData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    las.write(str(path))
+    cloud = open_cloud(path)
+    place = "las_plain.PlainPoints" if suffix == ".las" else "laz.CompressedPoints"
+    method = "_read" if suffix == ".las" else "_decoded"
+    monkeypatch.setattr(f"streamseg.io.{place}.{method}", _raising(OSError(errno.EIO, "Input/output error")))
+    with pytest.raises(FileError, match=f"a{suffix} cannot be read: Input/output error"):
+        list(cloud.chunks())
+
+
+def _raising(error: type[Exception] | Exception) -> Callable[..., None]:
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("point_format", [0, 1, 6, 7])
+def test_a_chunk_of_equal_points_is_believed(tmp_path: Path, point_format: int) -> None:
+    """Nothing takes less room than points that are all the same."""
+    las = laspy.LasData(laspy.LasHeader(point_format=point_format, version="1.4"))
+    las.X = np.full(200_000, 7)
+    whole = laz_files.write(tmp_path / "a.laz", las, [200_000])
+    assert whole.starts[1] - whole.starts[0] < 1_000
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert points_of(whole.path) == (200_000, None)
+
+
+@pytest.mark.parametrize("claimed", [(1 << 32) - 2, 200_000_000])
+def test_a_count_that_a_chunk_has_no_room_for_is_damage(data: Path, tmp_path: Path, claimed: int) -> None:
+    las = laz_files.clip(data / "als" / "lidarhd_77050_627755.laz", 6_000, 6)
+    whole = laz_files.write(tmp_path / "a.laz", las, [2_000, 2_000, 2_000])
+    at = whole.starts[1] + whole.records.itemsize
+    cloud = open_cloud(with_field(whole.path, tmp_path / "b.laz", ("<I", at, claimed)))
+    assert cloud.point_count == 6_000
+    assert sum(len(chunk.points) for chunk in cloud.chunks()) == 2_000
+    assert "is damaged after point 2,000 of 6,000" in str(cloud.damage)

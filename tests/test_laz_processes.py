@@ -174,3 +174,28 @@ def test_nothing_of_a_large_chunk_is_handed_out_before_it_is_proven(tmp_path: Pa
         decoders.ask(request)
         with pytest.raises(Undecodable):
             next(decoders.pieces())
+
+
+def test_no_memory_for_the_proof_is_not_taken_for_another_encoder(
+    clip: LazFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_memory(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("lazrs.LasZipCompressor", no_memory)
+    with pytest.raises(MemoryError):
+        laz_decoder._compressed(requests(clip)[0], [])
+
+
+def test_a_decoder_that_would_go_on_for_ever_is_ended(
+    clip: LazFile, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    script = tmp_path / "hangs.py"
+    source = Path(laz_decoder.__file__).read_text().replace("_SLOWEST = 600.0, 1e5", "_SLOWEST = 0.05, 1e9")
+    hang = "        while request.points == 13:\n            pass\n"
+    start = "        _allow(_seconds(request))\n"
+    assert start in source
+    script.write_text(source.replace(start, start + hang))
+    monkeypatch.setattr(laz_processes, "_SCRIPT", script)
+    with Decoders() as decoders, pytest.raises(Undecodable, match="the decoder crashed on it"):
+        decoders.whole(requests(clip)[0]._replace(points=13))

@@ -354,3 +354,42 @@ def test_a_scene_appears_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest
         ss.scenes.write(path, "street", 2000)
     assert path.read_bytes() == before
     assert names(tmp_path) == ["scene.laz"]
+
+
+def test_a_scene_replaces_a_scene_and_nothing_else(tmp_path: Path) -> None:
+    scene = ss.scenes.write(tmp_path / "scene.las", "street", 100)
+    ss.scenes.write(scene, "street", 200)
+    with laspy.open(scene) as reader:
+        assert reader.header.point_count == 200
+    (tmp_path / "empty.las").touch()
+    ss.scenes.write(tmp_path / "empty.las", "street", 100)
+    for path in (write_las(tmp_path / "cloud.las"), write_text(tmp_path / "notes.las")):
+        before = path.read_bytes()
+        with pytest.raises(ss.OutputExists, match="is no scene that streamseg has made; give another name"):
+            ss.scenes.write(path, "street", 100)
+        assert path.read_bytes() == before
+
+
+def test_no_pipe_is_replaced_by_a_file(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "pipe.las", tmp_path / "link.las"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    for path in (pipe, link):
+        for write in (lambda path: ss.scenes.write(path, "street", 100), _write_byte):
+            with pytest.raises(ss.FileError, match="it is a pipe or a device, and only files are written"):
+                write(path)
+    assert pipe.is_fifo()
+    assert names(tmp_path) == ["link.las", "pipe.las"]
+
+
+def test_a_pipe_that_comes_while_a_file_is_written_stays(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.npy"
+    with pytest.raises(ss.FileError, match="it is a pipe or a device"), replacing(pipe):
+        os.mkfifo(pipe)
+    assert pipe.is_fifo()
+    assert names(tmp_path) == ["pipe.npy"]
+
+
+def _write_byte(path: Path) -> None:
+    with replacing(path) as file:
+        file.write(b"a")

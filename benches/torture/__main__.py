@@ -18,6 +18,8 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import arrays
@@ -66,21 +68,34 @@ def _verdicts(name: str, numbers: list[int], asked: argparse.Namespace) -> Itera
     with tempfile.TemporaryDirectory(prefix="torture-") as folder:
         os.environ["TORTURE_CLIPS"] = folder
         KINDS[name].prepare(Path(folder))
-        queue = context.SimpleQueue()
-        shares = [numbers[job::jobs] for job in range(jobs)]
-        workers = [context.Process(target=_work, args=(name, share, asked, folder, queue)) for share in shares]
-        for worker in workers:
+        working: dict[Connection, tuple[BaseProcess, list[int]]] = {}
+        for job in range(jobs):
+            verdicts, end = context.Pipe(duplex=False)
+            share = numbers[job::jobs]
+            worker = context.Process(target=_work, args=(name, share, asked, folder, end))
             worker.start()
-        for _ in numbers:
-            yield queue.get()
-        for worker in workers:
-            worker.join()
+            end.close()  # so that a worker that dies ends the pipe
+            working[verdicts] = worker, list(share)
+        while working:
+            for verdicts in wait(list(working)):
+                worker, left = working[verdicts]  # type: ignore[index]
+                try:
+                    yield verdicts.recv()  # type: ignore[union-attr]
+                    left.pop(0)
+                except EOFError:
+                    worker.join()
+                    yield from (_lost(number, worker.exitcode) for number in left)
+                    del working[verdicts]  # type: ignore[arg-type]
 
 
-def _work(name: str, numbers: list[int], asked: argparse.Namespace, folder: str, queue: object) -> None:
+def _lost(number: int, code: int | None) -> Verdict:
+    return Verdict(number, "no verdict", f"the worker that had it ended with {code}", 0.0, 0.0)
+
+
+def _work(name: str, numbers: list[int], asked: argparse.Namespace, folder: str, end: Connection) -> None:
     kind = KINDS[name]
     for number in numbers:
-        queue.put(run_case(kind, name, number, asked.seed, Path(folder), asked.keep))  # type: ignore[attr-defined]
+        end.send(run_case(kind, name, number, asked.seed, Path(folder), asked.keep))
 
 
 def _report(name: str, kind: Kind, verdicts: list[Verdict], seconds: float) -> int:

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from ._core import Scene
 from .errors import MissingExtra
 from .io.laz_threads import can_compress_in_threads
-from .io.output import replacing
+from .io.output import check_file, replacing
 from .source import PathLike
 
 Kind = Literal["airborne", "street"]
 
 _CHUNK = 250_000
+_SYSTEM, _SYSTEM_AT = "streamseg scene", 26
 
 
 def columns(kind: Kind, points: int, seed: int = 1) -> dict[str, NDArray[Any]]:
@@ -76,7 +77,8 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
     Parameters
     ----------
     path : path
-        Ends in ``.las`` or ``.laz``; replaced if it exists, when the new one is whole.
+        Ends in ``.las`` or ``.laz``. A scene that is there is replaced when the new one is whole; other
+        files are not.
     kind, points, seed
         As for `columns`.
 
@@ -84,6 +86,13 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
     -------
     Path
         The file.
+
+    Raises
+    ------
+    OutputExists
+        What is there is no scene.
+    FileError
+        It cannot be written.
 
     Examples
     --------
@@ -96,13 +105,14 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
         import laspy
     except ImportError:
         raise MissingExtra("writing LAS needs laspy; install it with: pip install 'laspy[lazrs]'") from None
+    path = Path(path)
+    check_file(path, (), overwrite=True, what="scene", foreign=_no_scene)
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales, header.offsets = (np.asarray(values) for values in Scene.lattice())
     header.add_extra_dim(laspy.ExtraBytesParams("object_id", np.int64, "true object, -1 = noise"))
-    header.system_identifier = "streamseg scene"
+    header.system_identifier = _SYSTEM
     header.generating_software = "streamseg"
     scene = Scene(kind, seed)
-    path = Path(path)
     is_compressed = path.suffix.lower() == ".laz"
     backend = laspy.LazBackend.LazrsParallel if can_compress_in_threads() else laspy.LazBackend.Lazrs
     with (
@@ -118,3 +128,11 @@ def write(path: PathLike, kind: Kind, points: int, seed: int = 1) -> Path:
                 record[name] = values
             writer.write_points(record)
     return path
+
+
+def _no_scene(path: Path) -> str | None:
+    """Say that a file is no scene; None if it is, or has no content, and may be replaced."""
+    with open(path, "rb") as file:
+        start = file.read(_SYSTEM_AT + len(_SYSTEM))
+    is_scene = start[:4] == b"LASF" and start[_SYSTEM_AT:] == _SYSTEM.encode()
+    return None if is_scene or not start else "no scene that streamseg has made"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 PROJECTION_USER = "LASF_Projection"
 _GEOKEYS, _DOUBLES, _TEXTS, _WKT = 34735, 34736, 34737, 2112
+_LONGEST = 1 << 20  # bytes of a record; what is longer is no description
 _USERS_OF_WKT = (PROJECTION_USER, "liblas")
 
 # Longitudes and latitudes; some writers count longitudes to 360.
@@ -65,7 +66,8 @@ def read_system(records: Sequence[Record], prefers_wkt: bool) -> tuple[Coordinat
     by_id: dict[int, bytes] = {}
     for record in records:
         user, number = record.key
-        if user == PROJECTION_USER or (number == _WKT and user in _USERS_OF_WKT):
+        is_known = user == PROJECTION_USER or (number == _WKT and user in _USERS_OF_WKT)
+        if is_known and len(record.data) <= _LONGEST:
             by_id.setdefault(number, bytes(record.data))
     directory = by_id.get(_GEOKEYS, b"")
     keys = read_keys(directory, by_id.get(_DOUBLES, b""), by_id.get(_TEXTS, b""))

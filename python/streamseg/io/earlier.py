@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import StreamsegError
-from .labels import NO_SEGMENT, SEGMENT_DIMENSION
-from .las_dimensions import SIGN_OF_IDS
+from .labels import LAS_SIGN, NO_SEGMENT, SEGMENT_DIMENSION
 from .opening import real
 from .text import SUFFIXES as TEXT_SUFFIXES
 from .text import TextSource
@@ -98,7 +97,7 @@ def _has_sign(path: Path) -> bool:
         file.seek(_LAS_POINTS_AT)
         points_at = int.from_bytes(file.read(4), "little")
         file.seek(0)
-        return SIGN_OF_IDS in file.read(min(points_at, _MOST_HEADER))
+        return LAS_SIGN in file.read(min(points_at, _MOST_HEADER))
 
 
 def _are_ids(head: bytes) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
 from .claims import ScratchFolder
 from .home import Home
+from .opening import reading
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 NO_SEGMENT = -1
 SEGMENT_DIMENSION = "SegmentID"
+# How LAS describes the dimension with the ids, whatever it is called: by this an output is known.
+LAS_SIGN = b"streamseg segment"
 
 _BUCKET_BITS = 19
 _BUCKET_POINTS = 1 << _BUCKET_BITS
@@ -180,7 +183,7 @@ class LabelSpool:
         reached = np.zeros(_BUCKET_POINTS, np.bool_)
         path = self._path(bucket)
         if path.exists():
-            with open(path, "rb") as file:
+            with reading(path) as file:
                 while len(block := np.fromfile(file, np.int64, 2 * _PAIRS_AT_A_TIME)):
                     at = block[::2] - (bucket << _BUCKET_BITS)
                     ids[at] = block[1::2]

@@ -7,7 +7,6 @@ checked first.
 from __future__ import annotations
 
 import io
-import mmap
 import os
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -20,8 +19,9 @@ from .coordinate_system import looks_like_degrees, read_system
 from .las_blocks import body_of, in_blocks
 from .las_box import Box, outside_sentence
 from .las_dimensions import Dimensions
-from .las_records import EVLR, VLR, WAVEFORMS, Record, legible, whole_records
+from .las_records import VLR, WAVEFORMS, Record, legible, stored_records, whole_records
 from .lattice import Lattice
+from .opening import reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -41,6 +41,18 @@ _MAX_HEADER_BYTES = 1 << 30
 _LARGEST_POINT_FORMAT = 10
 _SCALES, _LARGEST_OFFSET = (1e-12, 1e6), 1e12
 _FIRST_WKT_FORMAT = 6
+# laspy reports a damaged record as whatever its parser ran into.
+_DAMAGE = (
+    laspy.LaspyException,
+    struct.error,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    TypeError,
+    ValueError,
+)
 
 # Point formats from 6 on are compressed in layers, which need not all be decoded; of others than these all are.
 _LAYERS = {
@@ -63,7 +75,7 @@ class LasSource:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        with open(path, "rb") as file:
+        with reading(path) as file:
             self.header, self.vlrs, self.raw_header = _read_header(file, path)
             header = self.header
             self._box = Box(header)
@@ -115,18 +127,17 @@ class LasSource:
         return int(header.number_of_evlrs if header.version.minor >= 4 else self._has_waveforms)
 
     def evlrs(self) -> list[Record]:
-        """Return the extended records that lie completely inside the file, with views of the file as payloads."""
+        """Return the extended records that lie completely inside the file; their payloads stay there."""
         header, found = self.header, list[Record]()
         if not self.announced_evlrs and not self._has_waveforms:
             return found
-        with open(self.path, "rb") as file:
-            data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-        if header.version.minor >= 4:
-            found = whole_records(data, header.start_of_first_evlr, header.number_of_evlrs, EVLR)
-        if self._has_waveforms and all(record.key != WAVEFORMS for record in found):
-            # Before version 1.4 this is the only record behind the points.
-            record = whole_records(data, header.start_of_waveform_data_packet_record, 1, EVLR)
-            found += [one for one in record if one.key == WAVEFORMS]
+        with reading(self.path) as file:
+            if header.version.minor >= 4:
+                found = stored_records(file, self.path, header.start_of_first_evlr, header.number_of_evlrs)
+            if self._has_waveforms and all(record.key != WAVEFORMS for record in found):
+                # Before version 1.4 this is the only record behind the points.
+                record = stored_records(file, self.path, header.start_of_waveform_data_packet_record, 1)
+                found += [one for one in record if one.key == WAVEFORMS]
         return found
 
     @property
@@ -150,8 +161,8 @@ class LasSource:
                 "announces; only these were read"
             )
         if not self._has_told:
-            if body.remark is not None and self.damage is None:
-                warn(body.remark)
+            for remark in [] if self.damage else body.remarks:
+                warn(remark)
             if self._outside:
                 warn(outside_sentence(self.path, self._outside, done))
         self._has_told, self._outside = True, 0
@@ -201,7 +212,7 @@ def _parsed(raw: bytes, path: Path) -> Any:
     try:
         header = laspy.LasHeader.read_from(io.BytesIO(raw))
         header.point_format.dtype()
-    except Exception as error:  # laspy reports a damaged record as whatever its parser ran into
+    except _DAMAGE as error:
         raise FileError(f"{path} has a damaged header: {error}") from error
     # Some writers of version 1.4 fill in the old field only.
     header.point_count = header.point_count or struct.unpack_from("<I", raw, _OLD_COUNT_AT)[0]

@@ -25,7 +25,7 @@ class Body(Protocol):
     count: int
     unread: int
     fits: bool
-    remark: str | None
+    remarks: list[str]
     reason: str
 
     def pieces(self, selection: int = ...) -> Iterator[bytes | bytearray]:
@@ -42,7 +42,7 @@ def body_of(file: BinaryIO, path: Path, header: Any, box: Box, old_count: int) -
         header.point_count = old_count
         other = _body_of(file, path, header, box)
         body = other if other.fits else body
-    body.remark = (
+    body.remarks.append(
         f"{path.name} announces {counts[0]:,} points in one field of its header, and "
         f"{counts[1]:,} in another; {body.count:,} are read"
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .labels import LAS_SIGN
 from .las_records import EXTRA_BYTES, Record, descriptions
 from .spelling import letters_of
 
@@ -23,9 +24,6 @@ _FIRST_FORMAT_WITH_STEPS = 6
 _STEPS_PER_6_DEGREES = 1000.0
 _NO_DATA, _SCALE, _OFFSET = 0b00001, 0b01000, 0b10000
 _NO_DATA_AT, _SCALE_AT, _OFFSET_AT, _TEXT_AT = 40, 112, 136, 160
-
-# How the description of the dimension with segment ids begins.
-SIGN_OF_IDS = b"streamseg segment"
 
 
 class ExtraDimension(NamedTuple):
@@ -53,7 +51,7 @@ class ExtraDimension(NamedTuple):
     @property
     def holds_ids_of_ours(self) -> bool:
         """Whether an earlier run has written it, whatever it is called."""
-        return self.description is not None and self.description[_TEXT_AT:].startswith(SIGN_OF_IDS)
+        return self.description is not None and self.description[_TEXT_AT:].startswith(LAS_SIGN)
 
     @property
     def is_numeric(self) -> bool:

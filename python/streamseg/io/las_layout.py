@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InvalidInput
 from .coordinate_system import PROJECTION_USER
-from .labels import SEGMENT_DIMENSION
+from .labels import LAS_SIGN, SEGMENT_DIMENSION
 from .las import LasSource, laspy
-from .las_dimensions import SIGN_OF_IDS, ExtraDimension
+from .las_dimensions import ExtraDimension
 from .las_records import EXTRA_BYTES, LONGEST_VLR, Record, new_record
 from .las_writer import ENCODING_AT, MINOR_AT, WKT_BIT, adapted_header
 from .spelling import letters_of
@@ -30,7 +30,7 @@ _FAMILIES = ((0, 1, 2, 3), (6, 7, 8))
 _EXTRA_DIMENSION = struct.Struct("<2xBB32s124x32s")
 _TYPE_CODES = {"<i4": 6, "<i8": 8}
 _SMALLEST_AND_LARGEST = 0b0110
-_ABOUT_IDS = SIGN_OF_IDS + b", -1 = none"
+_ABOUT_IDS = LAS_SIGN + b", -1 = none"
 
 
 class Layout(NamedTuple):

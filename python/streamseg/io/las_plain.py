@@ -7,6 +7,7 @@ import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from ..errors import FileError
+from .opening import reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,9 +23,10 @@ class PlainPoints:
     def __init__(self, file: BinaryIO, path: Path, header: Any) -> None:
         self._path, self._size, self._start = path, int(header.point_format.size), int(header.offset_to_point_data)
         self.count = int(header.point_count)
-        self.remark: str | None = None
+        self.remarks: list[str] = []
         self.reason = "unexpected end of file"
-        room = max(0, _end_of_points(file, header) - self._start) // self._size
+        end = min(_end_of_points(file, header), os.fstat(file.fileno()).st_size)
+        room = max(0, end - self._start) // self._size
         self._there = min(self.count, room)
         self.unread, self.fits = room - self._there, room == self.count
         if self.count == 0 and room > 0:
@@ -36,11 +38,14 @@ class PlainPoints:
     def pieces(self, _selection: int = 0) -> Iterator[bytes | bytearray]:
         """Yield whole records; then `reason` says why there are no more."""
         step = max(1, _PIECE // self._size)
-        with open(self._path, "rb") as file:
+        with reading(self._path) as file:
             file.seek(self._start)
             for start in range(0, self._there, step):
-                piece = file.read(min(step, self._there - start) * self._size)
+                piece = self._read(file, min(step, self._there - start))
                 yield piece[: len(piece) // self._size * self._size]
+
+    def _read(self, file: BinaryIO, records: int) -> bytes:
+        return file.read(records * self._size)
 
 
 def _end_of_points(file: BinaryIO, header: Any) -> int:
@@ -51,7 +56,10 @@ def _end_of_points(file: BinaryIO, header: Any) -> int:
         at, count = int(header.start_of_first_evlr or 0), int(header.number_of_evlrs or 0)
     elif minor == 3 and header.global_encoding.waveform_data_packets_internal:
         at, count = int(header.start_of_waveform_data_packet_record or 0), 1
-    return at if at >= header.offset_to_point_data and count and _are_records(file, at, count, end) else end
+    start = int(header.offset_to_point_data)
+    # Of records that are cut off, the place is right if the points reach just to it.
+    is_end = at == start + int(header.point_count) * int(header.point_format.size)
+    return at if at >= start and count and (is_end or _are_records(file, at, count, end)) else end
 
 
 def _are_records(file: BinaryIO, at: int, count: int, end: int) -> bool:

@@ -6,13 +6,15 @@ therefore the bytes; what laspy gets to read is a copy that it can.
 
 from __future__ import annotations
 
+import os
 import struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
-from ..errors import warn
+from ..errors import FileError, warn
+from .opening import reading
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
 VLR, EVLR = struct.Struct("<2s16sHH32s"), struct.Struct("<2s16sHQ32s")
@@ -20,7 +22,31 @@ LONGEST_VLR = 65535
 
 EXTRA_BYTES, WAVEFORMS = ("LASF_Spec", 4), ("LASF_Spec", 65535)
 _DESCRIPTION_BYTES = 192
+_BLOCK_BYTES = 1 << 20
 _NAME_AT, _NAME_BYTES = 4, 32
+
+
+class Stored:
+    """A payload that stays in its file until it is read; it may be larger than the memory."""
+
+    def __init__(self, path: Path, at: int, length: int) -> None:
+        self._path, self._at, self._length = path, at, length
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __bytes__(self) -> bytes:
+        return b"".join(self.blocks())
+
+    def blocks(self) -> Iterator[bytes]:
+        """Read it block by block."""
+        with reading(self._path) as file:
+            file.seek(self._at)
+            for start in range(0, self._length, _BLOCK_BYTES):
+                block = file.read(min(_BLOCK_BYTES, self._length - start))
+                yield block
+                if len(block) < min(_BLOCK_BYTES, self._length - start):
+                    raise FileError(f"{self._path} became shorter while it was read")
 
 
 class Record(NamedTuple):
@@ -30,7 +56,7 @@ class Record(NamedTuple):
     user: bytes
     record_id: int
     about: bytes
-    data: bytes | memoryview
+    data: bytes | Stored
 
     @property
     def key(self) -> tuple[str, int]:
@@ -47,7 +73,7 @@ def new_record(key: tuple[str, int], about: str, data: bytes) -> Record:
     return Record(bytes(2), key[0].encode("latin-1"), key[1], about.encode("latin-1"), data)
 
 
-def whole_records(data: bytes | memoryview, at: int, announced: int, layout: struct.Struct) -> list[Record]:
+def whole_records(data: bytes, at: int, announced: int, layout: struct.Struct) -> list[Record]:
     """List the records that lie completely inside `data`; laspy goes on reading behind the end."""
     found: list[Record] = []
     while len(found) < announced and at + layout.size <= len(data):
@@ -56,6 +82,19 @@ def whole_records(data: bytes | memoryview, at: int, announced: int, layout: str
         if at > len(data):
             break
         found.append(Record(reserved, user, number, about, data[at - length : at]))
+    return found
+
+
+def stored_records(file: BinaryIO, path: Path, at: int, announced: int) -> list[Record]:
+    """List the extended records that lie completely inside a file; their payloads stay there."""
+    end, found = os.fstat(file.fileno()).st_size, list[Record]()
+    while len(found) < announced and at + EVLR.size <= end:
+        file.seek(at)
+        reserved, user, number, length, about = EVLR.unpack(file.read(EVLR.size).ljust(EVLR.size, b"\0"))
+        at += EVLR.size + length
+        if at > end:
+            break
+        found.append(Record(reserved, user, number, about, Stored(path, at - length, length)))
     return found
 
 

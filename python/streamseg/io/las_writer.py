@@ -16,7 +16,7 @@ from .las_records import EVLR, VLR, WAVEFORMS, Record, new_record
 from .laz_threads import can_compress_in_threads
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -35,6 +35,7 @@ _FIRST_NEW_FORMAT = 6
 _MOST_LEGACY_POINTS = 2**32 - 1
 
 _LASZIP_KEY, _LASZIP_ABOUT = ("laszip encoded", 22204), "http://laszip.org"
+_CHUNK_SIZE_AT, _CHUNK_BYTES = 12, 1 << 24
 _ITEMS_AT, _ITEM_BYTES, _WAVEFORM_ITEM = 34, 6, 9
 
 
@@ -55,7 +56,7 @@ class LasWriter:
         self._times = (np.inf, -np.inf)
         self._compressor: Any = None
         if compressed:
-            vlr = lazrs.LazVlr.new_for_compression(self._format, point_format.num_extra_bytes)
+            vlr, makes_compressor = _compression(self._format, point_format)
             records.append(new_record(_LASZIP_KEY, _LASZIP_ABOUT, laszip_record(vlr.record_data())))
         heads = b"".join(record.packed_head(VLR) + bytes(record.data) for record in records)
         begin = len(layout.header) + len(heads) + len(layout.padding)
@@ -66,8 +67,7 @@ class LasWriter:
         struct.pack_into("<6d", self._header, _SCALE_AT, *lattice.scale, *lattice.offset)
         file.write(bytes(self._header) + heads + layout.padding)
         if compressed:
-            compressor = lazrs.ParLasZipCompressor if can_compress_in_threads() else lazrs.LasZipCompressor
-            self._compressor = compressor(file, vlr)
+            self._compressor = makes_compressor(file, vlr)
 
     def write(self, points: NDArray[np.void]) -> None:
         """Write points, of `dtype`."""
@@ -97,7 +97,8 @@ class LasWriter:
         for record in evlrs:
             starts.setdefault(record.key, at)
             self._file.write(record.packed_head(EVLR))
-            self._file.write(record.data)
+            for block in [record.data] if isinstance(record.data, bytes) else record.data.blocks():
+                self._file.write(block)
             at += EVLR.size + len(record.data)
         self._count()
         if self._minor >= 3:
@@ -122,6 +123,20 @@ class LasWriter:
         if not self._points:
             low = high = np.zeros(3)
         struct.pack_into("<6d", header, _BOX_AT, *np.column_stack([high, low]).ravel().tolist())
+
+
+def _compression(point_format_id: int, point_format: Any) -> tuple[Any, Callable[[BinaryIO, Any], Any]]:
+    """Choose chunks, of 50,000 points as usual or 16 MB, and what compresses them.
+
+    In threads, each holds the points of a chunk. One after the other, none does: wide points are compressed so.
+    """
+    vlr = lazrs.LazVlr.new_for_compression(point_format_id, point_format.num_extra_bytes)
+    most = _CHUNK_BYTES // point_format.size
+    if vlr.chunk_size() <= most:
+        return vlr, lazrs.ParLasZipCompressor if can_compress_in_threads() else lazrs.LasZipCompressor
+    record = bytearray(vlr.record_data())
+    struct.pack_into("<I", record, _CHUNK_SIZE_AT, most)
+    return lazrs.LazVlr(bytes(record)), lazrs.LasZipCompressor
 
 
 def adapted_header(header: bytes, minor: int, says_wkt: bool) -> bytes:

@@ -16,6 +16,7 @@ except ImportError as error:  # pragma: no cover - depends on the installation
 
 from .laz_layout import Layout, LayoutFinder, compression_of
 from .laz_processes import Decoders, Undecodable
+from .opening import telling
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,8 +37,8 @@ class CompressedPoints:
         How many points more than that the file holds, at most; they are not read. Known after reading.
     fits : bool
         Whether the chunks are as many as the count needs, as far as is known without decoding.
-    remark : str or None
-        One sentence on what is wrong with the file, though all points can be read.
+    remarks : list of str
+        Sentences on what is wrong with the file, though all points can be read.
     reason : str
         Why no more than those that were read could be read.
     """
@@ -47,21 +48,21 @@ class CompressedPoints:
         self._compression = compression_of(header, path)
         self._finder = LayoutFinder(path, header, self._compression)
         self.count, self.unread = int(header.point_count), 0
-        self.remark: str | None = None
+        self.remarks: list[str] = []
         self.reason = ""
         self._proven = 0
         self._layout = self._finder.quickly(file)
+        if self._layout is not None:
+            self._hold_against_header(self._layout)
         if self._compression.chunk_size is None and self._layout is None:
             with Decoders() as decoders:
                 self._layout = self._found(decoders)
-        self.fits = self._finder.fits(self.count, self._layout)
+        self.fits = self._finder.fits(int(header.point_count), self._layout)
         if self._compression.compressor == POINTWISE:
-            self.remark = (
+            self.remarks.append(
                 f"{path.name} is compressed in one piece, as LASzip 1 did: it is decoded on one core, and damage "
                 "would cost all points after it; rewrite it in chunks with laszip or PDAL"
             )
-        if self._layout is not None:
-            self._hold_against_header(self._layout)
         if self.count == 0 and self._finder.has_data:
             raise FileError(
                 f"{path} announces 0 points in its header, but holds compressed points; "
@@ -75,13 +76,15 @@ class CompressedPoints:
         """
         left = self.count * self._size
         selection = selection if self._proven == EVERYTHING else EVERYTHING
-        with Decoders() as decoders:
+        with telling(self._path), Decoders() as decoders:
             layout = self._layout = self._layout or self._found(decoders)
             self.unread, self.reason = layout.unread, layout.reason
             try:
                 for piece in self._decoded(decoders, layout, selection):
                     yield piece[:left]
                     left -= len(piece)
+                    if left <= 0:  # the header announces fewer points than this chunk has
+                        break
             except Undecodable as error:
                 self.reason = str(error)
             else:
@@ -138,12 +141,12 @@ class CompressedPoints:
         """Take the number of points from the chunks, where they say more than the header."""
         held = int(layout.counts.sum())
         if held > self.count + layout.unread:
-            self.remark = (
+            self.remarks.append(
                 f"{self._path.name} announces {self.count:,} points in its header, but holds {held:,}; all are read"
             )
             self.count = held
-        elif layout.has_lost_table and held == self.count:
-            self.remark = (
+        if layout.has_lost_table and held == self.count:
+            self.remarks.append(
                 f"{self._path.name} has lost its chunk table, which says where chunks of points "
                 f"start; all {held:,} points were found without it"
             )

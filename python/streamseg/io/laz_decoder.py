@@ -11,6 +11,7 @@ Answers go out through stdout: pieces, each with its length in front; a 0; and w
 
 from __future__ import annotations
 
+import signal
 import struct
 import sys
 from io import BytesIO
@@ -50,6 +51,7 @@ _LAYER_OF_EXTRA_BYTES = 1 << 12
 _PIECE = 1 << 20
 _HELD = 1 << 24
 _STEP = 4096
+_MOST_SECONDS, _SLOWEST = 600.0, 1e5
 _PADDING = bytes(64)
 _PLACE_OF_TABLE = 8
 
@@ -171,7 +173,7 @@ def _compressed(request: Request, points: Iterable[bytearray]) -> bytes:
         for block in points:
             encoder.compress_many(block)
         encoder.done()
-    except (KeyboardInterrupt, SystemExit):
+    except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException:  # a Rust panic derives from BaseException only
         return b""
@@ -367,11 +369,24 @@ class _ForwardOnly:
         raise OSError("this stream only goes forward")
 
 
+def _seconds(request: Request) -> float:
+    """Grant time for a request, many times what it takes: each layer is decoded and then proven."""
+    passes = 1 + len(layers_of(request.record))
+    return _MOST_SECONDS + request.points * request.size * passes / _SLOWEST
+
+
+def _allow(seconds: float) -> None:
+    """Have the system end this process after so much work, should damage keep the decoder busy for ever."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
 def _serve(requests: BinaryIO, answers: BinaryIO) -> None:
     answers.write(GREETING)
     answers.flush()
     while (request := _unpacked(requests)) is not None:
         said = b""
+        _allow(_seconds(request))
         try:
             for piece in answer(request):
                 answers.write(LENGTH.pack(len(piece)))

@@ -7,8 +7,8 @@ each ends where its decoder does.
 
 from __future__ import annotations
 
+import os
 import struct
-from mmap import ACCESS_READ, mmap
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 import numpy as np
@@ -32,6 +32,8 @@ _MOST_POINTS = (1 << 32) - 2  # of a chunk; one more means that chunks vary in s
 _ITEM_SIZES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
 _EXTRA_BYTES = (0, 14)
 _REWRITE = "rewrite it with laszip, las2las or PDAL, which may know it"
+# The least that a coder spends on a point is 0.006 bits, on that nothing but time has changed.
+_MOST_POINTS_A_BYTE = 2048
 _TABLE_ENDS = "the chunk table ends there"
 _CHUNK_IS_DAMAGED = "the chunk after it is damaged"
 
@@ -116,14 +118,15 @@ class LayoutFinder:
 
     def quickly(self, file: BinaryIO) -> Layout | None:
         """Find chunks that say how long they are; None if others have to be asked for."""
-        with mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-            self._end = len(data)
-            self._table_at = self._place_of_table(data)
-            self._chunks = 0 if self._table_at is None else struct.unpack_from("<I", data, self._table_at + 4)[0]
-            self.has_data = (self._end if self._table_at is None else self._table_at) > self._start
-            if self._compression.compressor == POINTWISE:
-                return self._one_chunk()
-            return self._chain(data) if self._compression.layers else None
+        self._end = os.fstat(file.fileno()).st_size
+        self._table_at = self._place_of_table(file)
+        self._chunks = 0
+        if self._table_at is not None:
+            (self._chunks,) = struct.unpack("<I", _bytes_at(file, self._table_at + 4, 4))
+        self.has_data = (self._end if self._table_at is None else self._table_at) > self._start
+        if self._compression.compressor == POINTWISE:
+            return self._one_chunk()
+        return self._chain(file) if self._compression.layers else None
 
     def fits(self, count: int, layout: Layout | None) -> bool:
         """Whether that count is what the chunks hold, as far as is known without decoding."""
@@ -153,20 +156,20 @@ class LayoutFinder:
         path = str(self._path.absolute()).encode("utf-8", "surrogateescape")
         return Request(kind, path, self._compression.record, start, length, points, self._size)
 
-    def _place_of_table(self, data: mmap) -> int | None:
+    def _place_of_table(self, file: BinaryIO) -> int | None:
         """Say where the chunk table is, unless that contradicts the file."""
         if self._compression.compressor == POINTWISE or self._end < self._start:
             return None
-        (at,) = struct.unpack_from("<q", data, self._start - 8)
+        (at,) = struct.unpack("<q", _bytes_at(file, self._start - 8, 8))
         if at < self._start:  # written to a pipe: the position follows the table
-            (at,) = struct.unpack_from("<q", data, self._end - 8)
+            (at,) = struct.unpack("<q", _bytes_at(file, self._end - 8, 8))
         return at if self._start <= at <= self._end - 8 else None
 
     def _one_chunk(self) -> Layout:
         count = min(int(self._header.point_count), _MOST_POINTS)
         return Layout(self._start, np.array([self._end - self._start]), np.array([count]))
 
-    def _chain(self, data: mmap) -> Layout:
+    def _chain(self, file: BinaryIO) -> Layout:
         """Go from chunk to chunk by their own sizes, to where the chunk table is."""
         counts_of = struct.Struct(f"<{1 + self._compression.layers}I")
         most = self._compression.chunk_size or _MOST_POINTS
@@ -176,20 +179,21 @@ class LayoutFinder:
         reason = _TABLE_ENDS
         while at != self._table_at and at < self._end:
             is_past = self._table_at is None or self._table_at < at
-            if left <= 0 and (is_past or _is_table(data[at : at + 8], len(counts))):
+            if left <= 0 and (is_past or _is_table(_bytes_at(file, at, 8), len(counts))):
                 break
             if at + self._size + counts_of.size > self._end:
                 reason = "unexpected end of data"
                 break
-            count, *sizes = counts_of.unpack_from(data, at + self._size)
+            count, *sizes = counts_of.unpack(_bytes_at(file, at + self._size, counts_of.size))
             length = self._size + counts_of.size + sum(sizes)
-            if not 0 < count <= most or at + length > self._end:
+            is_possible = 0 < count <= min(most, 1 + _MOST_POINTS_A_BYTE * sizes[0])
+            if not is_possible or at + length > self._end:
                 reason = _CHUNK_IS_DAMAGED
                 break
             lengths.append(length)
             counts.append(count)
             at, left = at + length, left - count
-        has_lost_table = not _is_table(data[at : at + 8], len(counts))
+        has_lost_table = not _is_table(_bytes_at(file, at, 8), len(counts))
         return _layout(self._start, lengths, counts, reason=reason, has_lost_table=has_lost_table)
 
     def _table(self, decoders: Decoders) -> NDArray[np.int64] | None:
@@ -204,6 +208,7 @@ class LayoutFinder:
             return None
         table = np.frombuffer(read, "<i8").reshape(-1, PAIR.size // 8)
         is_possible = (table >= 0).all() and (table < 1 << 40).all()
+        is_possible &= (table[:, 0] <= 1 + _MOST_POINTS_A_BYTE * table[:, 1]).all()
         if not is_possible or table[:, 1].sum() != self._table_at - self._start:
             return None
         # Some writers end with a chunk that has no point.
@@ -268,6 +273,12 @@ class LayoutFinder:
 
 def _layout(start: int, lengths: list[int], counts: list[int], *others: Any, **named: Any) -> Layout:
     return Layout(start, np.array(lengths, np.int64), np.array(counts, np.int64), *others, **named)
+
+
+def _bytes_at(file: BinaryIO, at: int, length: int) -> bytes:
+    """Read bytes that may be behind the end, should the file become shorter: what is missing is 0."""
+    file.seek(at)
+    return file.read(length).ljust(length, b"\0")
 
 
 def _is_table(head: bytes, chunks: int) -> bool:

@@ -98,14 +98,19 @@ def _foreign(out: Path, inputs: Sequence[Path], overwrite: bool, id_name: str) -
 
 
 def _check_existing(out: Path, inputs: Sequence[Path], what: str) -> None:
-    if out.is_dir():
-        raise FileError(f"cannot write {out}: it is a folder")
-    if not out.is_file():
-        raise FileError(f"cannot write {out}: it is a pipe or a device, and only files are written")
+    _require_file(out)
     for path in inputs:
         said = there(path)
         if said is not None and os.path.samestat(said, out.stat()):
             raise InvalidParameter(f"{what} {out} is the input {path}; give the {what} another name")
+
+
+def _require_file(out: Path) -> None:
+    """Refuse what is there and no file: a device would be replaced as a file is."""
+    if out.is_dir():
+        raise FileError(f"cannot write {out}: it is a folder")
+    if out.exists() and not out.is_file():
+        raise FileError(f"cannot write {out}: it is a pipe or a device, and only files are written")
 
 
 def _check_replaced(out: Path, overwrite: bool, foreign: Callable[[Path], str | None]) -> None:
@@ -148,13 +153,15 @@ def replacing(out: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
     Raises
     ------
     FileError
-        The file cannot be written, e.g. because the disk is full.
+        The file cannot be written, e.g. because the disk is full; or what is there is no file, but a folder, a
+        pipe or a device.
     """
     claim: Claim | None = None
     guard: _ErrorKeeper | None = None
     home = Home(f"the writing of {out}")
     try:
         target = _target(out)
+        _require_file(target)
         claim = claim_part(target.parent)
         with suppress(OSError):
             os.chmod(claim.path, stat.S_IMODE(target.stat().st_mode) & 0o777)
@@ -166,6 +173,7 @@ def replacing(out: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
                 if not home.is_here:
                     abandon(file)
         home.check()
+        _require_file(target)  # again: something may have come to that name meanwhile
         _take_name(claim, target, overwrite)
     except BaseException as error:
         if not home.is_here:
