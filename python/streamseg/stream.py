@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._core import Pipeline, Settlement
 from .certificate import Certificate
-from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
+from .errors import InvalidInput, InvalidParameter, InvalidType, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
 from .source import Source
 from .unlabelled import Unlabelled
@@ -30,6 +30,7 @@ _NO_ALIASES: Ids = np.empty((0, 2), np.int64)
 
 # Who presses Ctrl-C waits no longer than this for windows under way, in seconds.
 PATIENCE = 1.0
+_LONGEST_PATIENCE = 1e9
 
 
 class Progress(NamedTuple):
@@ -266,7 +267,12 @@ class Stream:
             After so many seconds, windows that are not segmented yet are given up: those of their points that no window
             before them had do not come out. Default: none is.
         """
-        self._core.stop(patience)
+        self._core.stop(None if patience is None else _checked_patience(patience))
+
+    def discard_empty_history(self) -> None:
+        """Have the folder of the history removed if the run fails before the first span."""
+        if self._history is not None:
+            self._history.is_kept_empty = False
 
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same.
@@ -379,3 +385,11 @@ class Stream:
                 raise  # a callback's; the run can go on
             # What came before the failure is finished output; it goes first.
             self._failure = failure
+
+
+def _checked_patience(patience: object) -> float:
+    if isinstance(patience, bool) or not isinstance(patience, (int, float, np.integer, np.floating)):
+        raise InvalidType(f"patience is {type(patience).__name__}, allowed: a number of seconds, or None")
+    if not patience >= 0:  # NaN is refused, too
+        raise InvalidParameter(f"patience is {patience}, allowed: 0 or more seconds, or None")
+    return float(min(patience, _LONGEST_PATIENCE))
