@@ -18,8 +18,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import streamseg as ss
-from streamseg.errors import FileError, InvalidInput, InvalidParameter, OutputExists, StreamsegError
+from streamseg.errors import (
+    FileError,
+    InvalidInput,
+    InvalidParameter,
+    OutputExists,
+    StreamsegError,
+    StreamsegWarning,
+)
 from streamseg.io import LabelSpool, check_output, labels, open_cloud, write_labelled
+from streamseg.io.text_sink import IdSink
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -305,3 +313,32 @@ def test_progress_is_told_and_a_spool_can_be_written(tmp_path: Path, source: Pat
         assert write_labelled(open_cloud(source), tmp_path / "out.csv", spool, progress=told.append) == 7
     assert told == [10]
     assert (tmp_path / "out.csv").read_text().splitlines()[-1] == "18.0,19.0,20.0,6"
+
+
+@pytest.mark.parametrize("may_end_early", [False, True])
+@pytest.mark.parametrize("was_known", [False, True])
+def test_damage_that_is_met_only_when_writing_costs_what_is_told(
+    tmp_path: Path, source: Path, monkeypatch: pytest.MonkeyPatch, may_end_early: bool, was_known: bool
+) -> None:
+    cloud, blocks = open_cloud(source), IdSink.blocks
+
+    def blocks_to_the_damage(sink: IdSink) -> Any:
+        for count, block in blocks(sink):
+            yield count - 4, block
+        cloud.damage = "it is cut"
+
+    monkeypatch.setattr(IdSink, "blocks", blocks_to_the_damage)
+    if was_known:
+        cloud.damage = "it is cut"
+
+    def write() -> int:
+        return write_labelled(cloud, tmp_path / "out.npy", Ones(), expected=10, may_end_early=may_end_early)
+
+    if may_end_early and not was_known:
+        with pytest.warns(StreamsegWarning, match=r"it is cut; 4 points behind it had been segmented and are not in"):
+            assert write() == 6
+        assert len(np.load(tmp_path / "out.npy")) == 6
+    else:
+        with pytest.raises(InvalidInput, match=r"6 points of .* have labels, of 10 .*it is cut"):
+            write()
+        assert not (tmp_path / "out.npy").exists()
