@@ -118,11 +118,11 @@ def segment_file(
     Raises
     ------
     FileError, OutputExists, InvalidInput, InvalidParameter
-        Before any work is done, where that can be known; and if the output cannot be written, or the input has changed
-        since it was opened: then nothing is written.
+        Before any work is done, where that can be known. Later, if the output cannot be written, the input has changed
+        since it was opened, or temporary files have gone. Then nothing is written.
     Exception
-        Whatever ends the run early (a KeyboardInterrupt too) is raised only after the points that were segmented so far
-        have been written.
+        What ends the run early, a KeyboardInterrupt too. First the points that were segmented so far are written. A
+        failure while that is done is told in a warning.
 
     Examples
     --------
@@ -331,9 +331,12 @@ def resolve_file(
 
     Raises
     ------
-    FileError, InvalidInput, OutputExists
-        If the history or the input cannot be read, they do not belong together, the input has other points than the
-        history was made from, or the output cannot be written.
+    FileError
+        The history, the input or a temporary file cannot be read, or the output cannot be written.
+    InvalidInput
+        The history or the input is damaged, or the history was made from other points.
+    OutputExists
+        The output is there.
 
     Examples
     --------

@@ -220,7 +220,7 @@ class History:
     FileError
         If there is no history in the folder.
     InvalidInput
-        If it was written by a newer version.
+        If it is damaged, or of another format version.
 
     Examples
     --------
@@ -259,15 +259,15 @@ class History:
     def resolve(self, *, limits: bool = True) -> Iterator[tuple[Ids, Ids]]:
         """Turn the raw ids of all points into final ids, in bounded memory.
 
-        Two sweeps: forwards, ids are carried as the segments' successors are told, and points are counted; backwards,
-        they are settled.
+        There are two sweeps. Forwards, ids are carried as the segments' successors are told, and points are counted.
+        Backwards, ids are settled.
 
         Parameters
         ----------
         limits : bool, default True
-            Whether the limits of size, the seeds and the order that the run had (they are in the manifest) apply: what
-            they leave out becomes -1. Without, the points of segments that are too small can be found. Numbering by
-            size takes 16 bytes of memory for each segment that is kept.
+            Whether the run's limits of size, seeds and order apply; the manifest has them. What they leave out becomes
+            -1. Without, the points of segments that are too small can be found. Numbering by size takes 16 bytes of
+            memory for each segment that is kept.
 
         Yields
         ------

@@ -85,13 +85,12 @@ class Span:
 class Stream:
     """Spans as they go out of scope, in order. Made by `stream`.
 
-    An iterator and a context manager: leaving the ``with`` block stops the source; if there is a history, what has come
-    so far is still segmented and written, and the history is closed. Left by a KeyboardInterrupt, it waits a second for
-    that, no more: windows that are not segmented by then are given up.
+    An iterator and a context manager: leaving the ``with`` block stops the source. If there is a history, what has come
+    so far is still segmented and written to it. Then it is closed. Left by a KeyboardInterrupt, the stream waits a
+    second for that: windows that are not segmented by then are given up.
 
-    One thread at a time takes spans; another that tries gets a `StreamInUse`. Any thread may `stop`
-    or `close` it at any time. A forked process cannot go on with it: it gets a `StreamInUse` too, and
-    closing it there does nothing.
+    One thread at a time takes spans; another that tries gets a `StreamInUse`. Any thread may `stop` or `close` it at
+    any time. A forked process that goes on with it gets a `StreamInUse`, too. Closing it there does nothing.
 
     Attributes
     ----------
@@ -257,15 +256,20 @@ class Stream:
     def stop(self, patience: float | None = None) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out.
 
-        May be called from any thread, from a callback or from the source itself; it never waits. A live
-        source that is waited for cannot be interrupted: the stream goes on when its next array comes,
-        which is still segmented, or its end.
+        May be called from any thread, from a callback or from the source itself; it never waits. A live source that is
+        waited for cannot be interrupted. The stream goes on when its next array comes, or its end. That array is still
+        segmented.
 
         Parameters
         ----------
         patience : float, optional
-            After so many seconds, windows that are not segmented yet are given up: those of their points that no window
-            before them had do not come out. Default: none is.
+            After so many seconds, windows that are not segmented yet are given up. Points that only they have do not
+            come out. Default: none is given up.
+
+        Raises
+        ------
+        InvalidParameter
+            The patience is negative or no number.
         """
         self._core.stop(None if patience is None else _checked_patience(patience))
 
@@ -277,8 +281,8 @@ class Stream:
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same.
 
-        If another thread is taking a span just then, this only asks to stop, as `stop` does: that thread
-        gets what has come, then the end, and closes the history with it.
+        If another thread is taking a span just then, this only asks to stop, as `stop` does. That thread gets what has
+        come, then the end. It closes the history, too.
         """
         self._close(patience=None)
 
