@@ -23,6 +23,7 @@ import streamseg as ss
 from reference import history
 from streamseg import history_tables
 from streamseg.description import describe
+from streamseg.history import HistoryWriter
 
 POINTS = np.column_stack([np.arange(800.0) + np.arange(800) // 7 * 3, np.zeros((800, 2))])
 
@@ -126,6 +127,10 @@ MANIFESTS: dict[str, Callable[[Path], object]] = {
     "a promise that is none": manifest(promise=None),
     "parameters that are a list": manifest(parameters=[]),
     "a parameter that is a list": manifest(parameters={"spans": [[[]]]}),
+    "causes that are none": manifest(unlabelled=None),
+    "a cause with a negative count": manifest(unlabelled={"noise": -1}),
+    "a cause with true for a count": manifest(unlabelled={"noise": True}),
+    "a cause with a huge count": manifest(unlabelled={"noise": 10**30}),
 }
 
 PARTS: dict[str, Callable[[Path], object]] = {
@@ -176,7 +181,9 @@ def test_every_command_refuses_a_damaged_history(folder: Path, sound: Path, tmp_
     told.append(resolving.value)
     for error in told:
         assert "\n" not in str(error)
-        assert re.search(r"is damaged|is no history|of 799 points", str(error)), error
+        assert re.search(
+            r"is damaged|is no history|manifest.json cannot be read: Is a directory|of 799 points", str(error)
+        ), error
         assert len(str(error)) < 400
     # Values that only resolving looks at can be exported as they are; nothing half-written is left.
     if not refusal(lambda: export(folder, tmp_path / "csv")):
@@ -307,6 +314,37 @@ def test_a_span_that_is_larger_than_a_part_takes_several(
         assert len(sizes) == ss.History(tmp_path / "parts").manifest["parts"] > 12
 
 
+def test_a_run_that_is_killed_within_a_huge_span_leaves_a_history_that_adds_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is on disk after each part is kept as if the run had been killed there."""
+    monkeypatch.setattr("streamseg.history._ROWS_PER_PART", 500)
+    write_manifest, killed = HistoryWriter._write_manifest, []
+
+    def write_and_copy(writer: HistoryWriter, content: dict[str, Any]) -> None:
+        write_manifest(writer, content)
+        killed.append(shutil.copytree(writer._folder, tmp_path / f"killed-{len(killed)}"))
+
+    monkeypatch.setattr(HistoryWriter, "_write_manifest", write_and_copy)
+    graph = ss.Proximity(1.2, filter="Y > 2")
+    unlabelled = ss.stream(crossing(), graph, history=tmp_path / "run", result="carry")
+    whole = {}
+    with unlabelled as stream:
+        for span in stream:
+            whole.update(zip(span.point_ids.tolist(), span.segment_ids.tolist(), strict=True))
+    within = 0
+    for folder in killed:
+        past = ss.History(folder)
+        ids = resolved(folder)
+        assert len(ids) == past.manifest["points"]
+        assert past.unlabelled.filtered <= sum(whole[point] < 0 for point in ids)
+        assert past.unlabelled.filtered == past.manifest["spans"] * sum(whole[i] < 0 for i in range(3000))
+        assert past.manifest["spans"] <= past.manifest["points"] // 3000
+        within += past.manifest["points"] % 3000 > 0
+    assert within > 12
+    assert ss.History(killed[-1]).manifest["spans"] == 4
+
+
 def test_a_history_without_points_resolves_to_none(tmp_path: Path) -> None:
     stream = ss.stream(iter([np.empty((0, 3))]), ss.Proximity(1.0), history=tmp_path / "run")
     assert resolved(tmp_path / "run") == {}  # before its first part
@@ -321,7 +359,7 @@ def test_a_small_span_stays_in_one_part(folder: Path) -> None:
 
 
 def test_point_ids_of_an_early_end_may_be_any_but_not_twice(tmp_path: Path) -> None:
-    told = history_tables.Told(tmp_path, 3, is_whole=False)
+    told = history_tables.PointsSeen(tmp_path, 3, is_whole=False)
     far = 2**40 - 1
     told.add(np.array([far, 5, 2**21, 0]))
     told.add(np.array([], np.int64))
@@ -334,9 +372,9 @@ def test_point_ids_of_an_early_end_may_be_any_but_not_twice(tmp_path: Path) -> N
     told.close()
 
 
-def told_again(told: history_tables.Told, folder: Path, far: int) -> history_tables.Told:
+def told_again(told: history_tables.PointsSeen, folder: Path, far: int) -> history_tables.PointsSeen:
     told.close()
-    again = history_tables.Told(folder, 3, is_whole=False)
+    again = history_tables.PointsSeen(folder, 3, is_whole=False)
     again.add(np.array([far, 5, 2**21, 0]))
     return again
 

@@ -9,13 +9,15 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import streamseg as ss
 from reference import history
-from streamseg.history_folder import discard
+from streamseg import history_folder
+from streamseg.history_folder import discard, take
 
 NEAR = ss.Proximity(1.0)
 POINTS = np.random.default_rng(3).random((50, 3))
@@ -51,9 +53,6 @@ FOREIGN: dict[str, Callable[[Path], object]] = {
     "a manifest of another format": lambda folder: note(
         folder / "manifest.json", json.dumps({"format": "their history", "version": 1})
     ),
-    "a history that lacks its counts": lambda folder: note(
-        folder / "manifest.json", json.dumps({"format": "streamseg history", "version": 1})
-    ),
     "a manifest that is a folder": lambda folder: note(folder / "manifest.json" / "mine"),
     "a note": lambda folder: note(folder / "note.txt"),
     "a note beside a table": lambda folder: (note(folder / "note.txt"), (folder / "window").mkdir()),
@@ -82,6 +81,93 @@ def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path, kind: 
     assert contents(folder) == before
 
 
+DAMAGED = {
+    "cut": lambda text: text[:100],
+    "cut in its first line": lambda text: text[:32],
+    "without counts": lambda _: json.dumps({"format": "streamseg history", "version": 1}),
+    "without a version": lambda _: json.dumps({"format": "streamseg history"}),
+    "with damaged counts": lambda text: text.replace('"points": 50', '"points": -50'),
+}
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("kind", DAMAGED)
+def test_a_history_with_a_damaged_manifest_is_called_so_and_kept(tmp_path: Path, kind: str, overwrite: bool) -> None:
+    run(tmp_path / "run")
+    path = tmp_path / "run" / "manifest.json"
+    path.write_text(DAMAGED[kind](path.read_text()))
+    before = contents(tmp_path / "run")
+    with pytest.raises(ss.OutputExists, match=r"run has a damaged manifest, manifest\.json; give another folder"):
+        run(tmp_path / "run", overwrite=overwrite)
+    assert contents(tmp_path / "run") == before
+
+
+@pytest.mark.parametrize("version", [0, 2, 10**6])
+def test_a_history_of_another_version_can_be_overwritten(tmp_path: Path, version: int) -> None:
+    run(tmp_path / "run")
+    path = tmp_path / "run" / "manifest.json"
+    path.write_text(json.dumps({"format": "streamseg history", "version": version, "more": [1]}))
+    with pytest.raises(ss.OutputExists, match=r"the history .*run exists; give another folder, or overwrite=True"):
+        run(tmp_path / "run")
+    run(tmp_path / "run", overwrite=True)
+    assert len(history.raw_ids(tmp_path / "run")) == len(POINTS)
+
+
+def test_a_manifest_that_cannot_be_read_is_not_called_missing(tmp_path: Path) -> None:
+    run(tmp_path / "run")
+    path = tmp_path / "run" / "manifest.json"
+    path.unlink()
+    for no_history in (tmp_path / "run", tmp_path / "nothing", tmp_path / "run" / "writing.lock" / "x"):
+        with pytest.raises(ss.FileError, match=r"is no history: it has no manifest\.json"):
+            ss.History(no_history)
+    path.symlink_to(path)
+    with pytest.raises(ss.FileError, match=r"manifest\.json cannot be read: Too many levels of symbolic links"):
+        ss.History(tmp_path / "run")
+
+
+@pytest.mark.parametrize("others", [False, True])
+def test_a_run_that_fails_at_once_discards_its_new_history_while_it_holds_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, others: bool
+) -> None:
+    """Nobody else can have begun there: another run is refused until all is deleted."""
+    np.save(tmp_path / "in.npy", np.full((5, 3), np.nan))
+    folder, refused = tmp_path / "run", []
+
+    def clear_late(of: Path) -> None:
+        clear(of)
+        with pytest.raises(ss.OutputExists, match="being written"):
+            take(of)
+        refused.append(of)
+        if others:
+            note(of / "note.txt")
+
+    clear = history_folder.clear
+    stream_of = ss.files.stream
+
+    def begun(*arguments: Any, **options: Any) -> ss.Stream:
+        stream = stream_of(*arguments, **options)
+        monkeypatch.setattr(history_folder, "clear", clear_late)
+        return stream
+
+    monkeypatch.setattr(ss.files, "stream", begun)
+    with pytest.raises(ss.InvalidInput):
+        ss.segment_file(tmp_path / "in.npy", tmp_path / "out.npy", NEAR, history=folder)
+    assert len(refused) == 1
+    assert sorted(contents(tmp_path)) == (["in.npy", "run/note.txt"] if others else ["in.npy"])
+    assert folder.exists() == others
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_an_interrupted_run_has_written_is_not_discarded(tmp_path: Path, there: bool) -> None:
+    np.save(tmp_path / "in.npy", np.concatenate([POINTS, np.full((5, 3), np.nan)]))
+    if there:
+        (tmp_path / "run").mkdir()
+    options: dict[str, Any] = {"spans": ss.SpanByCount(5), "window": ss.Window(2, 1), "threads": 1}
+    with pytest.raises(ss.InvalidInput):
+        ss.segment_file(tmp_path / "in.npy", tmp_path / "out.npy", NEAR, history=tmp_path / "run", **options)
+    assert ss.History(tmp_path / "run").manifest["points"] == len(np.load(tmp_path / "out.npy")) > 0
+
+
 def test_overwriting_deletes_only_what_is_of_the_history(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     run(folder)
@@ -93,7 +179,7 @@ def test_overwriting_deletes_only_what_is_of_the_history(tmp_path: Path) -> None
     assert [path.name for path in (folder / "window").iterdir()] == ["part-000000.parquet"]
     for mine in ("note.txt", "more/window/part-000000.parquet", "windows/x"):
         assert (folder / mine).read_text() == "my work"
-    discard(folder)
+    discard(folder, take(folder))
     assert sorted(contents(folder)) == ["more/window/part-000000.parquet", "note.txt", "windows/x"]
     assert not (folder / "window").exists()
 
@@ -196,9 +282,13 @@ def test_a_forked_child_neither_writes_a_history_nor_frees_it(tmp_path: Path) ->
     assert writer is not None
     before = contents(tmp_path / "run")
     if (child := os.fork()) == 0:
+        try:
+            writer.write(None, with_aliases=False)  # type: ignore[arg-type]
+        except ss.StreamInUse as error:
+            is_told = "open it anew there" in str(error)
         writer.close(complete=True)
         del stream, writer
-        os._exit(0)
+        os._exit(0 if is_told else 1)
     assert os.waitpid(child, 0)[1] == 0
     assert contents(tmp_path / "run") == before
     with pytest.raises(ss.OutputExists, match="is being written"):

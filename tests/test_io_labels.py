@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import tracemalloc
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +17,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from streamseg.errors import FileError, InvalidInput, InvalidParameter, OutputExists, StreamsegError
+import streamseg as ss
+from streamseg.errors import (
+    FileError,
+    InvalidInput,
+    InvalidParameter,
+    OutputExists,
+    StreamsegError,
+    StreamsegWarning,
+)
 from streamseg.io import LabelSpool, check_output, labels, open_cloud, write_labelled
+from streamseg.io.text_sink import IdSink
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -82,13 +94,92 @@ def test_the_spool_stays_small() -> None:
 
 def test_the_spool_leaves_nothing_behind(tmp_path: Path) -> None:
     with LabelSpool(tmp_path) as spool:
-        spool.add([1], [2])
+        for _ in range(2):
+            spool.add(np.arange(1 << 18), np.zeros(1 << 18, np.int64))
         spool.read(0, 2)
         assert len(list(tmp_path.rglob("*.pairs"))) == 1
     assert list(tmp_path.iterdir()) == []
     spool.close()
     with pytest.raises(StreamsegError, match="closed"):
         spool.read(0, 1)
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, path.stat().st_size - 16)
+
+
+@pytest.mark.parametrize("spoil", [Path.unlink, cut, lambda path: shutil.rmtree(path.parent)])
+@pytest.mark.parametrize("then", ["read", "write"])
+def test_labels_that_something_else_removes_are_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Path], object], then: str
+) -> None:
+    monkeypatch.setattr(labels, "_BUFFERED_PAIRS", 8)
+    with LabelSpool(tmp_path) as spool:
+        for start in (0, 10):
+            spool.add(np.arange(start, start + 10), np.ones(10, np.int64))
+        (path,) = tmp_path.rglob("*.pairs")
+        spoil(path)
+        with pytest.raises(FileError, match=r"00000000\.pairs has been removed or cut by something else; set TMPDIR"):
+            spool.read(0, 20) if then == "read" else spool.add(np.arange(20, 60), np.ones(40, np.int64))
+
+
+def test_labels_that_cannot_be_written_wait_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(labels, "_BUFFERED_PAIRS", 8)
+    with LabelSpool(tmp_path) as spool:
+        spool.add(np.arange(8), np.arange(8))
+        (folder,) = tmp_path.iterdir()
+        (folder / "00000000.pairs").mkdir()
+        for _ in range(2):
+            with pytest.raises(FileError, match=r"cannot write .*: Is a directory; make room there"):
+                spool.add([8], [8])
+        assert (spool.count, spool.has_any) == (8, True)
+        assert np.array_equal(spool.read(0, 9)[0], [*range(8), -1])
+        (folder / "00000000.pairs").rmdir()
+        spool.add([8], [8])
+        assert (spool.count, spool.read(0, 9)[0].tolist()) == (9, list(range(9)))
+
+
+@pytest.mark.parametrize("result", ["final", "carry"])
+def test_a_run_whose_labels_vanish_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, result: Any) -> None:
+    """A cleaner of temporary folders comes just before the output is written."""
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    np.save(tmp_path / "in.npy", np.zeros((40, 3)))
+
+    read = LabelSpool.read
+
+    def read_late(spool: LabelSpool, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        for path in scratch.rglob("*.pairs"):
+            path.unlink()
+        return read(spool, start, stop)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    monkeypatch.setattr(labels, "_BUFFERED_PAIRS", 8)
+    monkeypatch.setattr(LabelSpool, "read", read_late)
+    with pytest.raises(FileError, match="has been removed or cut"):
+        ss.segment_file(
+            tmp_path / "in.npy",
+            tmp_path / "out.npy",
+            ss.Proximity(1.0),
+            spans=ss.SpanByCount(10),
+            result=result,
+        )
+    assert not (tmp_path / "out.npy").exists()
+
+
+def test_a_label_that_is_lost_is_missed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.save(tmp_path / "in.npy", np.zeros((40, 3)))
+    read = LabelSpool.read
+
+    def forgetful(spool: LabelSpool, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        ids, reached = read(spool, start, stop)
+        reached[7] = False
+        return ids, reached
+
+    monkeypatch.setattr(LabelSpool, "read", forgetful)
+    with pytest.raises(InvalidInput, match=r"39 points of .* have labels, of 40"):
+        ss.segment_file(tmp_path / "in.npy", tmp_path / "out.npy", ss.Proximity(1.0))
+    assert not (tmp_path / "out.npy").exists()
 
 
 @pytest.mark.parametrize(
@@ -229,7 +320,36 @@ def test_ids_that_cannot_be_read_again_are_told(monkeypatch: pytest.MonkeyPatch)
         raise OSError(5, "Input/output error")
 
     with LabelSpool() as spool:
-        spool.add([3], [7])
+        spool.add(np.arange(1 << 20), np.zeros(1 << 20, np.int64))
         monkeypatch.setattr("numpy.fromfile", refuse)
-        with pytest.raises(FileError, match=r"pairs cannot be read: Input/output error"):
+        with pytest.raises(FileError, match=r"cannot read .*pairs: Input/output error"):
             spool.read(0, 4)
+
+
+@pytest.mark.parametrize("may_end_early", [False, True])
+@pytest.mark.parametrize("was_known", [False, True])
+def test_damage_that_is_met_only_when_writing_costs_what_is_told(
+    tmp_path: Path, source: Path, monkeypatch: pytest.MonkeyPatch, may_end_early: bool, was_known: bool
+) -> None:
+    cloud, blocks = open_cloud(source), IdSink.blocks
+
+    def blocks_to_the_damage(sink: IdSink) -> Any:
+        for count, block in blocks(sink):
+            yield count - 4, block
+        cloud.damage = "it is cut"
+
+    monkeypatch.setattr(IdSink, "blocks", blocks_to_the_damage)
+    if was_known:
+        cloud.damage = "it is cut"
+
+    def write() -> int:
+        return write_labelled(cloud, tmp_path / "out.npy", Ones(), expected=10, may_end_early=may_end_early)
+
+    if may_end_early and not was_known:
+        with pytest.warns(StreamsegWarning, match=r"it is cut; 4 points behind it had been segmented and are not in"):
+            assert write() == 6
+        assert len(np.load(tmp_path / "out.npy")) == 6
+    else:
+        with pytest.raises(InvalidInput, match=r"6 points of .* have labels, of 10 .*it is cut"):
+            write()
+        assert not (tmp_path / "out.npy").exists()

@@ -393,3 +393,26 @@ def test_a_pipe_that_comes_while_a_file_is_written_stays(tmp_path: Path) -> None
 def _write_byte(path: Path) -> None:
     with replacing(path) as file:
         file.write(b"a")
+
+
+def test_a_second_failure_is_told_beside_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was segmented before the first is rescued; what hinders that is told, and the first is raised."""
+    np.save(tmp_path / "in.npy", np.zeros((100, 3)))
+    add, calls = ss.io.LabelSpool.add, []
+
+    def failing(spool: ss.io.LabelSpool, *ids: Any) -> None:
+        calls.append(ids)
+        if len(calls) in (4, 6):
+            raise ss.FileError(f"failure at span {len(calls)}")
+        add(spool, *ids)
+
+    monkeypatch.setattr(ss.io.LabelSpool, "add", failing)
+    with (
+        pytest.warns(ss.StreamsegWarning, match=r"some of .* is not in .*out\.npy: .* another: failure at span 6"),
+        pytest.raises(ss.FileError, match="failure at span 4"),
+    ):
+        ss.segment_file(
+            *(tmp_path / "in.npy", tmp_path / "out.npy", ss.Proximity(1.0)), spans=ss.SpanByCount(10), result="carry"
+        )
+    ids = np.load(tmp_path / "out.npy")
+    assert ids.tolist() == [1] * 30 + [-1] * 10 + [1] * 10

@@ -193,3 +193,30 @@ def test_a_run_that_has_ended_stays_complete(tmp_path: Path) -> None:
     run.close()
     assert ss.History(tmp_path / "past").manifest["complete"] is True
     assert run.is_proven is ss.stream([row(0)], NEAR).is_identical
+
+
+@pytest.mark.parametrize("patience", [-1, -0.001, float("nan"), float("-inf"), np.float64("nan"), -(10**400)])
+def test_a_patience_that_is_none_is_refused(patience: Any) -> None:
+    with (
+        ss.stream(np.zeros((5, 3)), ss.Proximity(1.0)) as stream,
+        pytest.raises(ss.InvalidParameter, match="allowed: 0 or more seconds, or None"),
+    ):
+        stream.stop(patience)
+
+
+@pytest.mark.parametrize("patience", ["1", b"1", True, [1], 1j, np.array([1.0])])
+def test_a_patience_that_is_no_number_is_refused(patience: Any) -> None:
+    with (
+        ss.stream(np.zeros((5, 3)), ss.Proximity(1.0)) as stream,
+        pytest.raises(ss.InvalidType, match=r"patience is .*, allowed: a number of seconds, or None"),
+    ):
+        stream.stop(patience)
+
+
+@pytest.mark.parametrize("patience", [None, 1e300, float("inf"), 10**400, np.float32(60), np.int64(60)])
+def test_a_long_patience_gives_nothing_up(patience: Any) -> None:
+    with ss.stream(np.zeros((5, 3)), ss.Proximity(1.0)) as stream:
+        span = next(stream)
+        stream.stop(patience)
+        assert len(span) == 5
+        assert list(stream) == []

@@ -17,7 +17,6 @@ from .certificate import Certificate
 from .cutting import Spans
 from .errors import InvalidInput, InvalidParameter, InvalidType, warn
 from .history import History
-from .history_folder import discard
 from .io import Cloud, LabelSpool, check_kind, check_output, open_cloud, write_labelled
 from .io.opening import real, there
 from .plan import MaxMemory, Stages
@@ -120,11 +119,11 @@ def segment_file(
     Raises
     ------
     FileError, OutputExists, InvalidInput, InvalidParameter
-        Before any work is done, where that can be known; and if the output cannot be written, or the input has changed
-        since it was opened: then nothing is written.
+        Before any work is done, where that can be known. Later, if the output cannot be written, the input has changed
+        since it was opened, or temporary files have gone. Then nothing is written.
     Exception
-        Whatever ends the run early (a KeyboardInterrupt too) is raised only after the points that were segmented so far
-        have been written.
+        What ends the run early, a KeyboardInterrupt too. First the points that were segmented so far are written. A
+        failure while that is done is told in a warning.
 
     Examples
     --------
@@ -146,7 +145,7 @@ def segment_file(
     source = open_source(cloud)
     with interrupt, LabelSpool() as labels:
         run = stream(
-            counted(source, _first(interrupt.check, callback("on_read", on_read))),
+            counted(source, _checking(interrupt.check, callback("on_read", on_read))),
             segmentor,
             spans=spans,
             window=window,
@@ -158,11 +157,14 @@ def segment_file(
             preprocess=preprocess,
             revisit=revisit,
             overwrite=overwrite,
-            on_progress=_first(interrupt.check, callback("on_progress", on_progress)),
+            on_progress=_checking(interrupt.check, callback("on_progress", on_progress)),
             with_points=False,
         )
+        if is_new_history:
+            run.discard_empty_history()
         aliases = 0
         failure: BaseException | None = None
+        later_failure: Exception | None = None
         with run:
             try:
                 aliases += _label(run, labels)
@@ -170,16 +172,27 @@ def segment_file(
                 failure = early
                 interrupt.disarm()
                 run.stop(None if isinstance(early, Exception) else PATIENCE)
-                with contextlib.suppress(Exception):
+                try:
                     aliases += _label(run, labels)
+                except Exception as another:
+                    later_failure = another
         progress, left_out = run.progress, run.left_out
         if failure is not None and not labels.has_any:
-            if is_new_history and isinstance(failure, InvalidInput):
-                discard(Path(str(history)))
             raise failure
         with interrupt.deferred():
             on_written = callback("on_write", on_write)
-            points = write_labelled(cloud, output, labels, overwrite=overwrite, id_name=id_name, progress=on_written)
+            points = write_labelled(
+                cloud,
+                output,
+                labels,
+                overwrite=overwrite,
+                id_name=id_name,
+                expected=labels.count,
+                may_end_early=True,
+                progress=on_written,
+            )
+    if later_failure is not None and str(later_failure) != str(failure):
+        warn(f"some of what was segmented is not in {output}: after the first failure came another: {later_failure}")
     if failure is not None:
         raise failure
     segments = progress.segment_ids if result == "history" else progress.segments
@@ -273,7 +286,9 @@ class _Interrupt:
             raise KeyboardInterrupt
 
 
-def _first(check: Callable[[object], None], then: Callable[[Any], None]) -> Callable[[Any], None]:
+def _checking(check: Callable[[object], None], then: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Call `check`, then the callback."""
+
     def both(value: Any) -> None:
         check(value)
         then(value)
@@ -318,9 +333,12 @@ def resolve_file(
 
     Raises
     ------
-    FileError, InvalidInput, OutputExists
-        If the history or the input cannot be read, they do not belong together, the input has other points than the
-        history was made from, or the output cannot be written.
+    FileError
+        The history, the input or a temporary file cannot be read, or the output cannot be written.
+    InvalidInput
+        The history or the input is damaged, or the history was made from other points.
+    OutputExists
+        The output is there.
 
     Examples
     --------

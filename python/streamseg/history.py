@@ -4,7 +4,7 @@
 every successor of every segment, ``window/`` the windows, ``alias/`` the late joins of a run that carried ids, and
 ``seedless/`` the segments that hold no seed, where seeds were asked for. All are Parquet, in parts with equal numbers:
 what went out of scope together is in parts of the same number. Only a span with more points than a part holds takes
-several parts: its points first, then what is told of segments.
+several parts: its windows and points first, then what is told of segments.
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ from .history_folder import (
     MANIFEST,
     UNFINISHED_MANIFEST,
     check_free,
+    discard,
     prepare,
     read_manifest,
     shown,
 )
-from .history_tables import COLUMNS, Ids, Told, parquet, read_part, record_batches, write_part
+from .history_tables import COLUMNS, Ids, PointsSeen, parquet, read_part, record_batches, write_part
+from .io.home import Home
 from .io.opening import there
 from .io.output import check_file, refuse_pattern, replacing
 from .unlabelled import Unlabelled
@@ -44,8 +46,9 @@ __all__ = ["MANIFEST", "History", "HistoryWriter", "Part", "check_free"]
 # Rows in a part. A run that is killed loses the part under way, no more.
 _ROWS_PER_PART = 1_000_000
 
-# What is told of points comes before what is told of their segments.
-_TABLES_IN_ORDER = ("point_segment", "seedless", "segment_segment", "window", "alias")
+# Windows say which ids there are, so a history that ends early has them. What is told of points comes before what is
+# told of their segments.
+_TABLES_IN_ORDER = ("window", "point_segment", "seedless", "segment_segment", "alias")
 
 _NONE = np.empty(0, np.int64)
 
@@ -62,6 +65,12 @@ class HistoryWriter:
         self._waiting: dict[str, list[list[Ids]]] = {table: [] for table in COLUMNS}
         self._waiting_rows = 0
         self._next_span = 0
+        # Of spans with rows that wait: they count with the last of these.
+        self._waiting_unlabelled = Unlabelled()
+        self._waiting_late_joins = 0
+        self._home = Home(f"the writing of the history {folder}")
+        self.is_kept_empty = True
+        """Whether the folder stays if the run fails before the first span."""
         self._manifest: dict[str, Any] = {
             "format": FORMAT,
             "version": FORMAT_VERSION,
@@ -76,18 +85,16 @@ class HistoryWriter:
 
     def write(self, span: CoreSpan, *, with_aliases: bool) -> None:
         """Take in a span that went out of scope. A span is taken in once, however often it is given."""
-        if not self._held.is_ours:
-            raise FileError(f"the history {self._folder} is written by the process that this one was forked from")
+        self._home.check()
         if span.index >= self._next_span:
             self._wait("point_segment", span.point_ids, span.raw_ids, span.index)
             self._wait("segment_segment", *span.segments.T)
             self._wait("window", *span.windows.T)
             self._wait("seedless", span.seedless, span.index)
-            unlabelled = Unlabelled(**self._manifest["unlabelled"]).with_more(span.unlabelled)
-            self._manifest["unlabelled"] = unlabelled._asdict()
             if with_aliases:
                 self._wait("alias", *span.aliases.T, span.index)
-            self._manifest["late_joins"] += span.late_joins
+            self._waiting_unlabelled = self._waiting_unlabelled.with_more(span.unlabelled)
+            self._waiting_late_joins += span.late_joins
             # A span without points is a row of its own: there may be any number of them.
             self._waiting_rows += 1
             self._next_span = span.index + 1
@@ -101,7 +108,10 @@ class HistoryWriter:
 
         In a forked child it does nothing.
         """
-        if not self._held.is_ours:
+        if not self._home.is_here:
+            return
+        if not (complete or self.is_kept_empty or self._next_span):
+            discard(self._folder, self._held)
             return
         if digests is not None:
             self._manifest["digests"] = digests
@@ -130,21 +140,31 @@ class HistoryWriter:
         except OSError as error:
             self._held.release()
             raise FileError(f"the history {self._folder} cannot be written: {error}") from error
+        rows_waiting = sum(len(rows[0]) for table in waiting.values() for rows in table)
         manifest = {
             **self._manifest,
             "complete": complete,
             "points": self._manifest["points"] + len(tables["point_segment"]),
-            "spans": self._next_span,
             "windows": self._manifest["windows"] + len(tables["window"]),
             "parts": part + 1,
         }
         if len(tables["window"]):
             last = dict(zip(COLUMNS["window"], tables["window"][-1].tolist(), strict=True))
             manifest["segment_ids"] = last["first_segment_id"] + last["segments"] - 1
+        if rows_waiting == 0:
+            unlabelled = Unlabelled(**self._manifest["unlabelled"]).with_more(self._waiting_unlabelled._asdict())
+            manifest |= {"spans": self._next_span, "unlabelled": unlabelled._asdict()}
+        late_joins = 0
+        if rows_waiting == 0 or len(tables["segment_segment"]):
+            # Who reads rows of late joins has to expect them.
+            late_joins = self._waiting_late_joins
+            manifest["late_joins"] = self._manifest["late_joins"] + late_joins
         self._write_manifest(manifest)
         self._manifest = manifest
-        self._waiting = waiting
-        self._waiting_rows = sum(len(rows[0]) for table in waiting.values() for rows in table)
+        self._waiting, self._waiting_rows = waiting, rows_waiting
+        self._waiting_late_joins -= late_joins
+        if rows_waiting == 0:
+            self._waiting_unlabelled = Unlabelled()
 
     def _write_manifest(self, manifest: dict[str, Any]) -> None:
         unfinished = self._folder / UNFINISHED_MANIFEST
@@ -201,7 +221,7 @@ class History:
     FileError
         If there is no history in the folder.
     InvalidInput
-        If it was written by a newer version.
+        If it is damaged, or of another format version.
 
     Examples
     --------
@@ -222,10 +242,7 @@ class History:
     @property
     def unlabelled(self) -> Unlabelled:
         """How many points have no raw segment, by cause; of an earlier version's history nothing is known."""
-        told = self.manifest.get("unlabelled")
-        known = told.items() if isinstance(told, dict) else ()
-        counts = {cause: count for cause, count in known if isinstance(count, int)}
-        return Unlabelled().with_more(counts)
+        return Unlabelled().with_more(self.manifest.get("unlabelled", {}))
 
     def parts(self) -> Iterator[Part]:
         """Read the history in the order in which it was written, in pieces of bounded size.
@@ -243,15 +260,15 @@ class History:
     def resolve(self, *, limits: bool = True) -> Iterator[tuple[Ids, Ids]]:
         """Turn the raw ids of all points into final ids, in bounded memory.
 
-        Two sweeps: forwards, ids are carried as the segments' successors are told, and points are counted; backwards,
-        they are settled.
+        There are two sweeps. Forwards, ids are carried as the segments' successors are told, and points are counted.
+        Backwards, ids are settled.
 
         Parameters
         ----------
         limits : bool, default True
-            Whether the limits of size, the seeds and the order that the run had (they are in the manifest) apply: what
-            they leave out becomes -1. Without, the points of segments that are too small can be found. Numbering by
-            size takes 16 bytes of memory for each segment that is kept.
+            Whether the run's limits of size, seeds and order apply; the manifest has them. What they leave out becomes
+            -1. Without, the points of segments that are too small can be found. Numbering by size takes 16 bytes of
+            memory for each segment that is kept.
 
         Yields
         ------
@@ -267,13 +284,13 @@ class History:
         replay = Replay(self.manifest["segment_ids"], late_joins=self.manifest["late_joins"] > 0)
         settlement = Settlement(with_points=False)
         points, is_whole = self.manifest["points"], self.manifest["complete"]
-        with closing(Told(self.folder, points, is_whole)) as told:
+        with closing(PointsSeen(self.folder, points, is_whole)) as seen:
             for index, part in enumerate(self.parts()):
-                told.add(part.point_ids)
+                seen.add(part.point_ids)
                 carried, position = replay.part(part.segment_ids, part.next_segment_ids, part.seedless, part.raw_ids)
                 if len(part.point_ids):
                     settlement.keep_ids(index, part.point_ids, carried, position)
-        self._check_count("points", told.points)
+        self._check_count("points", seen.points)
         if not points:
             # Even then something comes, to be put together with nothing.
             settlement.keep_ids(0, _NONE, *replay.part(_NONE, _NONE, _NONE, _NONE))

@@ -41,28 +41,49 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     Raises
     ------
     FileError
-        There is none.
+        There is none, or it cannot be read.
     InvalidInput
-        It is damaged, something else, or of a newer version.
+        It is damaged, something else, or of another version.
     """
+    path = folder / MANIFEST
+    manifest = _parsed(_text(folder))
+    if manifest is None:
+        raise InvalidInput(f"{path} is damaged: it is no manifest of a history")
+    _check_version(folder, manifest)
+    _check_content(path, manifest)
+    return manifest
+
+
+def _text(folder: Path) -> bytes:
     path = folder / MANIFEST
     there(path)
     try:
         with open(path, "rb") as file:
-            text = file.read(_MOST_MANIFEST)
-    except OSError:
+            return file.read(_MOST_MANIFEST)
+    except (FileNotFoundError, NotADirectoryError):
         raise FileError(f"{folder} is no history: it has no {MANIFEST}") from None
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _parsed(text: bytes) -> dict[str, Any] | None:
+    """Tell what a manifest says; None if it is none of a history."""
     try:
         manifest = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
-        manifest = None
-    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise InvalidInput(f"{path} is damaged: it is no manifest of a history")
+        return None
+    return manifest if isinstance(manifest, dict) and manifest.get("format") == FORMAT else None
+
+
+def _check_version(folder: Path, manifest: dict[str, Any]) -> None:
     version = manifest.get("version")
     if type(version) is not int:
-        raise InvalidInput(f"{path} is damaged: version is {shown(version)}, expected a number")
+        raise InvalidInput(f"{folder / MANIFEST} is damaged: version is {shown(version)}, expected a number")
     if version != FORMAT_VERSION:
         raise InvalidInput(f"{folder} has format version {shown(version)}, this version reads {FORMAT_VERSION}")
+
+
+def _check_content(path: Path, manifest: dict[str, Any]) -> None:
     if not isinstance(manifest.get("parameters"), dict):
         raise InvalidInput(f"{path} is damaged: it has no parameters")
     for name, value in manifest["parameters"].items():
@@ -71,11 +92,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for name, kind in (("source", str), ("promise", str), ("complete", bool)):
         if type(manifest.get(name)) is not kind:
             raise InvalidInput(f"{path} is damaged: {name} is {shown(manifest.get(name))}, expected {kind.__name__}")
-    for count in COUNTS:
-        value = manifest.get(count)
+    # Histories of earlier versions do not say why points are unlabelled.
+    unlabelled = manifest.get("unlabelled", {})
+    if not isinstance(unlabelled, dict):
+        raise InvalidInput(f"{path} is damaged: unlabelled is {shown(unlabelled)}, expected counts by cause")
+    counts = {count: manifest.get(count) for count in COUNTS}
+    counts |= {f"unlabelled {shown(cause)}": count for cause, count in unlabelled.items()}
+    for count, value in counts.items():
         if type(value) is not int or not 0 <= value < _MOST:
             raise InvalidInput(f"{path} is damaged: {count} is {shown(value)}, expected a count")
-    return manifest
 
 
 def _refuse_constant(name: str) -> None:
@@ -124,12 +149,7 @@ def _check_ours(folder: Path) -> bool:
     names = set(os.listdir(folder))
     tables = names & set(COLUMNS)
     if MANIFEST in names:
-        try:
-            read_manifest(folder)
-        except (FileError, InvalidInput):
-            raise OutputExists(
-                f"{folder} exists and is no history: its {MANIFEST} is something else; give another folder"
-            ) from None
+        _check_manifest_is_ours(folder)
     elif not names <= {*COLUMNS, UNFINISHED_MANIFEST, _LOCK} or (
         UNFINISHED_MANIFEST in names and tables != set(COLUMNS)
     ):
@@ -137,6 +157,27 @@ def _check_ours(folder: Path) -> bool:
     if foreign := next(_foreign(folder), None):
         raise OutputExists(f"{foreign} is in the history {folder} and no part of it; give another folder")
     return MANIFEST in names or UNFINISHED_MANIFEST in names or any(True for _ in _parts(folder))
+
+
+def _check_manifest_is_ours(folder: Path) -> None:
+    """Refuse a manifest of something else, and one that is damaged; one of another version is ours."""
+    if not (folder / MANIFEST).is_file():
+        raise OutputExists(f"{folder} exists and is no history: its {MANIFEST} is something else; give another folder")
+    text = _text(folder)
+    manifest = _parsed(text)
+    if manifest is not None and type(manifest.get("version")) is int and manifest["version"] != FORMAT_VERSION:
+        return
+    if manifest is None and FORMAT.encode() not in text:
+        raise OutputExists(
+            f"{folder} exists and is no history: its {MANIFEST} is something else, or too damaged to tell; "
+            "give another folder"
+        )
+    try:
+        read_manifest(folder)
+    except InvalidInput:
+        raise OutputExists(
+            f"the history {folder} has a damaged manifest, {MANIFEST}; give another folder, or remove that one first"
+        ) from None
 
 
 def _check_overwritten(folder: Path, is_begun: bool, overwrite: bool) -> None:
@@ -231,11 +272,14 @@ def clear(folder: Path) -> None:
         part.unlink()
 
 
-def discard(folder: Path) -> None:
-    """Delete a history that nobody wants, and its folder if nothing else is in it."""
+def discard(folder: Path, held: Claim) -> None:
+    """Delete a history that nobody wants, and its folder if nothing else is in it; then let go of it."""
     with suppress(OSError):
         clear(folder)
         for table in COLUMNS:
             with suppress(OSError):
                 (folder / table).rmdir()
+    held.release()
+    # Where another run has begun meanwhile, the folder is not empty.
+    with suppress(OSError):
         folder.rmdir()

@@ -116,7 +116,7 @@ def _check_columns(fields: pyarrow.Schema, names: tuple[str, ...]) -> None:
             raise ValueError(f"column {name} is {kind}, expected int64")
 
 
-class Told:
+class PointsSeen:
     """Which point ids have been told of: a bit for each, on disk, so that none is told twice.
 
     Parameters

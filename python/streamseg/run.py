@@ -76,7 +76,8 @@ def stream(
         Replace a history that is already there.
     attributes : mapping of (n,) arrays, or sequence of names, optional
         For an array: its attributes, such as ``{"gps_time": …}``. For a live source the names of those that its items
-        bring along and that are to be used instead of computing them. Case and underscores of names do not matter.
+        bring along and that are to be used instead of computing them. Case, underscores and blanks of names do not
+        matter, and the exact spelling wins.
     preprocess : StatisticalOutlierRemoval, RadiusOutlierRemoval or VoxelGrid, or several of them, optional
         What is done before segmenting, in order. Removed points come out as -1; a voxel's points get its label.
         Statistics of the whole cloud take a pass of their own over it before the run.

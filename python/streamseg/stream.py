@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._core import Pipeline, Settlement
 from .certificate import Certificate
-from .errors import InvalidInput, InvalidParameter, StreamInUse, StreamsegError, warn
+from .errors import InvalidInput, InvalidParameter, InvalidType, StreamInUse, StreamsegError, warn
 from .history import HistoryWriter
 from .source import Source
 from .unlabelled import Unlabelled
@@ -30,6 +30,7 @@ _NO_ALIASES: Ids = np.empty((0, 2), np.int64)
 
 # Who presses Ctrl-C waits no longer than this for windows under way, in seconds.
 PATIENCE = 1.0
+_LONGEST_PATIENCE = 1e9
 
 
 class Progress(NamedTuple):
@@ -84,13 +85,12 @@ class Span:
 class Stream:
     """Spans as they go out of scope, in order. Made by `stream`.
 
-    An iterator and a context manager: leaving the ``with`` block stops the source; if there is a history, what has come
-    so far is still segmented and written, and the history is closed. Left by a KeyboardInterrupt, it waits a second for
-    that, no more: windows that are not segmented by then are given up.
+    An iterator and a context manager: leaving the ``with`` block stops the source. If there is a history, what has come
+    so far is still segmented and written to it. Then it is closed. Left by a KeyboardInterrupt, the stream waits a
+    second for that: windows that are not segmented by then are given up.
 
-    One thread at a time takes spans; another that tries gets a `StreamInUse`. Any thread may `stop`
-    or `close` it at any time. A forked process cannot go on with it: it gets a `StreamInUse` too, and
-    closing it there does nothing.
+    One thread at a time takes spans; another that tries gets a `StreamInUse`. Any thread may `stop` or `close` it at
+    any time. A forked process that goes on with it gets a `StreamInUse`, too. Closing it there does nothing.
 
     Attributes
     ----------
@@ -256,23 +256,33 @@ class Stream:
     def stop(self, patience: float | None = None) -> None:
         """Ask the source for no further span; what has come is still segmented and comes out.
 
-        May be called from any thread, from a callback or from the source itself; it never waits. A live
-        source that is waited for cannot be interrupted: the stream goes on when its next array comes,
-        which is still segmented, or its end.
+        May be called from any thread, from a callback or from the source itself; it never waits. A live source that is
+        waited for cannot be interrupted. The stream goes on when its next array comes, or its end. That array is still
+        segmented.
 
         Parameters
         ----------
         patience : float, optional
-            After so many seconds, windows that are not segmented yet are given up: those of their points that no window
-            before them had do not come out. Default: none is.
+            After so many seconds, windows that are not segmented yet are given up. Points that only they have do not
+            come out. Default: none is given up.
+
+        Raises
+        ------
+        InvalidParameter
+            The patience is negative or no number.
         """
-        self._core.stop(patience)
+        self._core.stop(None if patience is None else _checked_patience(patience))
+
+    def discard_empty_history(self) -> None:
+        """Have the folder of the history removed if the run fails before the first span."""
+        if self._history is not None:
+            self._history.is_kept_empty = False
 
     def close(self) -> None:
         """Stop the source and close the history; spans that nobody took are written there all the same.
 
-        If another thread is taking a span just then, this only asks to stop, as `stop` does: that thread
-        gets what has come, then the end, and closes the history with it.
+        If another thread is taking a span just then, this only asks to stop, as `stop` does. That thread gets what has
+        come, then the end. It closes the history, too.
         """
         self._close(patience=None)
 
@@ -379,3 +389,11 @@ class Stream:
                 raise  # a callback's; the run can go on
             # What came before the failure is finished output; it goes first.
             self._failure = failure
+
+
+def _checked_patience(patience: object) -> float:
+    if isinstance(patience, bool) or not isinstance(patience, (int, float, np.integer, np.floating)):
+        raise InvalidType(f"patience is {type(patience).__name__}, allowed: a number of seconds, or None")
+    if not patience >= 0:  # NaN is refused, too
+        raise InvalidParameter(f"patience is {patience}, allowed: 0 or more seconds, or None")
+    return float(min(patience, _LONGEST_PATIENCE))

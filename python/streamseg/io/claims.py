@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from uuid import uuid4
 
+from .home import Home
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -49,13 +51,13 @@ class Claim:
     def __init__(self, path: Path, file: int | None) -> None:
         self.path = path
         self._file = file
-        self._process = os.getpid()
-        self._let_go = weakref.finalize(self, _let_go, file, self._process, path)
+        self._home = Home(f"the claim to {path}")
+        self._let_go = weakref.finalize(self, _let_go, file, self._home, path)
 
     @property
     def is_ours(self) -> bool:
         """Whether this process has made the claim, and not the one that it was forked from."""
-        return self._process == os.getpid()
+        return self._home.is_here
 
     def release(self) -> None:
         """Let go and remove the file, if it still has its name. Again, or in a forked child: nothing."""
@@ -126,7 +128,7 @@ class ScratchFolder:
                     left = Path(entry.path)
                     _remove_if_left(left / _LOCK, partial(shutil.rmtree, left, ignore_errors=True))
         self.path, self._claim = self._make(within)
-        self._remove = weakref.finalize(self, _remove_folder, self.path, os.getpid())
+        self._remove = weakref.finalize(self, _remove_folder, self.path, Home(f"the folder {self.path}"))
 
     def remove(self) -> None:
         """Remove the folder and all that is in it; not in a forked child. Again, it does nothing."""
@@ -173,9 +175,9 @@ def _is_at(path: Path, file: int) -> bool:
         return False
 
 
-def _let_go(file: int | None, process: int, path: Path) -> None:
+def _let_go(file: int | None, home: Home, path: Path) -> None:
     """Remove the name and close the file; in a forked child, close its copy only."""
-    if process == os.getpid():
+    if home.is_here:
         with suppress(OSError):
             if file is None or _is_at(path, file):
                 path.unlink()
@@ -187,6 +189,6 @@ def _let_go(file: int | None, process: int, path: Path) -> None:
         os.close(file)
 
 
-def _remove_folder(path: Path, process: int) -> None:
-    if process == os.getpid():
+def _remove_folder(path: Path, home: Home) -> None:
+    if home.is_here:
         shutil.rmtree(path, ignore_errors=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from .geokeys import read_keys
 from .units import DEGREES
-from .wkt import Said, said_by
+from .wkt import StatedSystem, said_by
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +72,7 @@ def read_system(records: Sequence[Record], prefers_wkt: bool) -> tuple[Coordinat
     directory = by_id.get(_GEOKEYS, b"")
     keys = read_keys(directory, by_id.get(_DOUBLES, b""), by_id.get(_TEXTS, b""))
     text = by_id.get(_WKT, b"").decode("utf-8", "replace").strip("\0 \r\n\t")
-    answers: list[Said | None] = [keys.said(), said_by(text)]
+    answers: list[StatedSystem | None] = [keys.said(), said_by(text)]
     if prefers_wkt:
         answers.reverse()
     said = next((answer for answer in answers if answer is not None), None)

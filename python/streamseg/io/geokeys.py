@@ -6,7 +6,7 @@ import struct
 from typing import NamedTuple
 
 from .units import angular_unit_of_code, linear_unit, linear_unit_of_code
-from .wkt import Said
+from .wkt import StatedSystem
 
 _MODEL_TYPE, _CITATION = 1024, 1026
 _GEOGRAPHIC_TYPE, _GEOGRAPHIC_CITATION, _ANGULAR_UNIT = 2048, 2049, 2054
@@ -33,7 +33,7 @@ class GeoKeys(NamedTuple):
     texts: dict[int, str]
     doubles: dict[int, float]
 
-    def said(self) -> Said | None:
+    def said(self) -> StatedSystem | None:
         """Tell what the keys say of the coordinates; None if nothing."""
         numbers = self.numbers
         model = numbers.get(_MODEL_TYPE) or (_PROJECTED if _PROJECTED_TYPE in numbers else None)
@@ -45,10 +45,12 @@ class GeoKeys(NamedTuple):
         vertical = vertical or _VERTICAL_CODES.get(numbers.get(_VERTICAL_TYPE, 0))
         if model == _GEOGRAPHIC:
             name = self._name(_GEOGRAPHIC_TYPE, _GEOGRAPHIC_CITATION)
-            return Said(name, angular_unit_of_code(numbers.get(_ANGULAR_UNIT, 0)), True, vertical)
+            return StatedSystem(name, angular_unit_of_code(numbers.get(_ANGULAR_UNIT, 0)), True, vertical)
         if model == _GEOCENTRIC:
-            return Said(f"{self._name(_GEOGRAPHIC_TYPE, _GEOGRAPHIC_CITATION)}, geocentric", None, False, vertical)
-        return Said(self._name(_PROJECTED_TYPE, _PROJECTED_CITATION), self._linear_unit(), False, vertical)
+            return StatedSystem(
+                f"{self._name(_GEOGRAPHIC_TYPE, _GEOGRAPHIC_CITATION)}, geocentric", None, False, vertical
+            )
+        return StatedSystem(self._name(_PROJECTED_TYPE, _PROJECTED_CITATION), self._linear_unit(), False, vertical)
 
     def _linear_unit(self) -> str | None:
         code = self.numbers.get(_LINEAR_UNIT, 0)

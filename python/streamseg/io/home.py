@@ -30,7 +30,7 @@ class Home:
         """
         if not self.is_here:
             raise StreamInUse(
-                f"{self._what} belongs to process {self._process}; a forked process cannot go on with it, so start "
+                f"{self._what} belongs to process {self._process}; a forked process cannot go on with it, so open it "
                 "anew there"
             )
 

@@ -7,6 +7,7 @@ dense table.
 
 from __future__ import annotations
 
+import os
 import tempfile
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -15,9 +16,9 @@ import numpy as np
 from ..errors import FileError, InvalidInput, InvalidParameter, StreamsegError
 from .claims import ScratchFolder
 from .home import Home
-from .opening import reading
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
     from types import TracebackType
 
@@ -32,6 +33,7 @@ _BUCKET_BITS = 19
 _BUCKET_POINTS = 1 << _BUCKET_BITS
 _BUFFERED_PAIRS = 1 << 18  # 4 MiB
 _PAIRS_AT_A_TIME = 1 << 16  # 1 MiB
+_PAIR_BYTES = 16
 
 
 class LabelSource(Protocol):
@@ -77,11 +79,10 @@ class LabelSpool:
             raise FileError(f"cannot make a temporary folder in {folder or tempfile.gettempdir()}: {error}") from error
         self._home = Home("this label spool")
         self._waiting: list[NDArray[np.int64]] = []
-        self._waiting_pairs = 0
+        # Pairs in the file of each bucket.
+        self._written: dict[int, int] = {}
         self._dense: tuple[int, NDArray[np.int64], NDArray[np.bool_]] | None = None
         self._is_open = True
-        self.has_any = False
-        """Whether any point has been labelled."""
         self.largest_id = NO_SEGMENT
         """The largest segment id that has been added."""
 
@@ -110,24 +111,28 @@ class LabelSpool:
             return
         if points.min() < 0:
             raise InvalidInput(f"point id {points.min()} is negative, point ids start at 0")
-        self.has_any = True
         self.largest_id = max(self.largest_id, int(segments.max()))
+        self._dense = None
         for start in range(0, len(points), _BUFFERED_PAIRS):
             part = slice(start, start + _BUFFERED_PAIRS)
-            self._waiting.append(np.column_stack((points[part], segments[part])))
-            self._waiting_pairs += len(self._waiting[-1])
-            if self._waiting_pairs >= _BUFFERED_PAIRS:
+            pairs = np.column_stack((points[part], segments[part]))
+            if self._waiting and self._waiting_pairs + len(pairs) > _BUFFERED_PAIRS:
                 self._flush()
+            self._waiting.append(pairs)
 
     def read(self, start: int, stop: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Segment ids of the points start … stop − 1; see `LabelSource.read`.
 
         Ids of points that were never added are −1.
+
+        Raises
+        ------
+        FileError
+            A temporary file has gone, or become shorter.
         """
         self._require_open()
         if not 0 <= start <= stop:
             raise InvalidParameter(f"range is {start} to {stop}, must be 0 <= start <= stop")
-        self._flush()
         ids = np.full(stop - start, NO_SEGMENT, np.int64)
         reached = np.zeros(stop - start, np.bool_)
         at = start
@@ -144,7 +149,7 @@ class LabelSpool:
     def close(self) -> None:
         """Remove the temporary files. Closing again does nothing."""
         self._is_open = False
-        self._waiting, self._waiting_pairs, self._dense = [], 0, None
+        self._waiting, self._dense = [], None
         self._folder.remove()
 
     def __enter__(self) -> LabelSpool:
@@ -155,25 +160,53 @@ class LabelSpool:
     ) -> None:
         self.close()
 
+    @property
+    def has_any(self) -> bool:
+        """Whether any point has been labelled."""
+        return self.count > 0
+
+    @property
+    def count(self) -> int:
+        """How many labels have been added."""
+        return self._waiting_pairs + sum(self._written.values())
+
+    @property
+    def _waiting_pairs(self) -> int:
+        return sum(map(len, self._waiting))
+
     def _flush(self) -> None:
-        if not self._waiting:
-            return
-        pairs = np.concatenate(self._waiting)
-        self._waiting, self._waiting_pairs, self._dense = [], 0, None
+        """Write what waits; what cannot be written waits on."""
+        self._waiting = [pairs := np.concatenate(self._waiting)]
         buckets = pairs[:, 0] >> _BUCKET_BITS
         if (buckets[1:] < buckets[:-1]).any():
-            order = np.argsort(buckets, kind="stable")  # stable: of two ids for one point the later stays later
+            # Stable: of two ids for one point the later stays later.
+            order = np.argsort(buckets, kind="stable")
             pairs, buckets = pairs[order], buckets[order]
-        starts = np.concatenate(([0], np.flatnonzero(np.diff(buckets)) + 1, [len(pairs)]))
-        for start, stop in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-            path = self._path(int(buckets[start]))
-            try:
-                with open(path, "ab") as file:
-                    file.write(pairs[start:stop].data)
-            except OSError as error:
-                raise FileError(
-                    f"cannot write {path}: {error.strerror}; make room there or choose another temporary folder"
-                ) from error
+        self._waiting = [pairs]
+        for stop in [*(np.flatnonzero(np.diff(buckets)) + 1).tolist(), len(pairs)]:
+            start = len(pairs) - len(self._waiting[0])
+            self._append(int(buckets[start]), pairs[start:stop])
+            self._waiting = [pairs[stop:]]
+        self._waiting = []
+
+    def _append(self, bucket: int, pairs: NDArray[np.int64]) -> None:
+        """Write behind what the file is known to hold: a write that failed may have left half a pair there."""
+        path, before = self._path(bucket), self._written.get(bucket, 0)
+        try:
+            with open(path, "r+b" if before else "wb") as file:
+                if file.seek(0, os.SEEK_END) < before * _PAIR_BYTES:
+                    raise _gone(path)
+                file.seek(before * _PAIR_BYTES)
+                file.write(pairs.data)
+        except FileNotFoundError:
+            raise _gone(path) from None
+        except FileError:
+            raise
+        except OSError as error:
+            raise FileError(
+                f"cannot write {path}: {error.strerror}; make room there or choose another temporary folder"
+            ) from error
+        self._written[bucket] = before + len(pairs)
 
     def _load(self, bucket: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         if self._dense is not None and self._dense[0] == bucket:
@@ -181,15 +214,34 @@ class LabelSpool:
         self._dense = None
         ids = np.full(_BUCKET_POINTS, NO_SEGMENT, np.int64)
         reached = np.zeros(_BUCKET_POINTS, np.bool_)
-        path = self._path(bucket)
-        if path.exists():
-            with reading(path) as file:
-                while len(block := np.fromfile(file, np.int64, 2 * _PAIRS_AT_A_TIME)):
-                    at = block[::2] - (bucket << _BUCKET_BITS)
-                    ids[at] = block[1::2]
-                    reached[at] = True
+        for points, segments in self._pairs(bucket):
+            at = points - (bucket << _BUCKET_BITS)
+            ids[at] = segments
+            reached[at] = True
         self._dense = (bucket, ids, reached)
         return ids, reached
+
+    def _pairs(self, bucket: int) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+        """Yield what has been added of a bucket: what is on disk, then what waits."""
+        if left := self._written.get(bucket, 0):
+            path = self._path(bucket)
+            try:
+                with open(path, "rb") as file:
+                    while left:
+                        block = np.fromfile(file, np.int64, 2 * min(left, _PAIRS_AT_A_TIME))
+                        if len(block) < 2 * min(left, _PAIRS_AT_A_TIME):
+                            raise _gone(path)
+                        yield block[::2], block[1::2]
+                        left -= len(block) // 2
+            except FileNotFoundError:
+                raise _gone(path) from None
+            except FileError:
+                raise
+            except OSError as error:
+                raise FileError(f"cannot read {path}: {error.strerror}") from error
+        for waiting in self._waiting:
+            inside = waiting[waiting[:, 0] >> _BUCKET_BITS == bucket]
+            yield inside[:, 0], inside[:, 1]
 
     def _path(self, bucket: int) -> Path:
         return self._folder.path / f"{bucket:08d}.pairs"
@@ -198,6 +250,13 @@ class LabelSpool:
         self._home.check()
         if not self._is_open:
             raise StreamsegError("this label spool is closed; its temporary files are gone")
+
+
+def _gone(path: Path) -> FileError:
+    return FileError(
+        f"the temporary file {path} has been removed or cut by something else; "
+        "set TMPDIR to a folder that nobody cleans up during the run"
+    )
 
 
 def _as_ids(name: str, values: ArrayLike) -> NDArray[np.int64]:

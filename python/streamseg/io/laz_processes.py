@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import laz_decoder
+from .home import Home
 from .laz_decoder import GREETING, LENGTH, Request
 
 if TYPE_CHECKING:
@@ -118,7 +119,7 @@ class _Process:
     """An interpreter that runs the decoder and nothing else; it ends when this process does."""
 
     def __init__(self) -> None:
-        self._owner = os.getpid()
+        self._home = Home("the decoder")
         self._has_greeted = False
         # A session of its own: Ctrl-C is for the run, which ends this.
         self._process: Any = subprocess.Popen(
@@ -131,7 +132,7 @@ class _Process:
 
     @property
     def is_mine(self) -> bool:
-        return self._owner == os.getpid()
+        return self._home.is_here
 
     def send(self, request: Request) -> None:
         if not self.is_mine:

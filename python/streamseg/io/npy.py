@@ -29,8 +29,8 @@ _LARGEST_EXACT = 1 << 53
 class NpySource:
     """One ``.npy`` file. See `streamseg.io.cloud.Source`.
 
-    Either an ``(n, 3)`` or wider array of numbers, whose first columns are x, y and z and whose others are called
-    ``column_4``, ``column_5``, …; or a structured ``(n,)`` array with the fields x, y and z.
+    Either an ``(n, 3)`` or wider array of numbers, or a structured ``(n,)`` array with the fields x, y and z. The first
+    columns of numbers are x, y and z. The others are called ``column_4``, ``column_5``, ….
 
     Attributes
     ----------

@@ -41,6 +41,7 @@ def write_labelled(
     overwrite: bool = False,
     id_name: str | None = None,
     expected: int | None = None,
+    may_end_early: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Read the cloud once more and write its points with their segment ids, in the same order.
@@ -71,6 +72,8 @@ def write_labelled(
         What the dimension or column of ids is called.
     expected : int, optional
         How many points `labels` has reached. Nothing is written if the cloud does not have all of them.
+    may_end_early : bool, default False
+        Whether it may lack some if damage is met that was not known before. A warning says how many.
     progress : callable, optional
         Called with the number of points done so far.
 
@@ -91,7 +94,7 @@ def write_labelled(
     check_output(out, cloud.paths, overwrite, id_name)
     sink = _sink(cloud, out, id_name, labels)
     done = written = labelled = 0
-    told, home = cloud.damage, Home(f"the writing of {out}")
+    told, lost, home = cloud.damage, "", Home(f"the writing of {out}")
     with replacing(out, overwrite=overwrite) as file:
         sink.begin(file)
         for count, block in sink.blocks():
@@ -113,17 +116,25 @@ def write_labelled(
         if written == 0:
             raise InvalidInput(f"not one point of {cloud.paths[0]} has been labelled, so {out} is not written")
         if expected is not None and labelled != expected:
-            damage = f" ({cloud.damage})" if cloud.damage else ""
-            raise InvalidInput(
-                f"{labelled:,} points of {cloud.paths[0]} have labels, of {expected:,} that there are{damage}; "
-                f"give the input that they were made from; {out} is not written"
-            )
+            if not (may_end_early and labelled < expected and cloud.damage not in (None, told)):
+                if may_end_early:
+                    cloud.check_unchanged()
+                raise _disagreement(cloud, out, labelled, expected)
+            lost = f"; {expected - labelled:,} points behind it had been segmented and are not in {out}"
         sink.finish()
         cloud.check_unchanged()
     if cloud.damage not in (None, told):
         # More is decoded for writing than for segmenting, so more damage may be met.
-        warn(cloud.damage)
+        warn(f"{cloud.damage}{lost}")
     return written
+
+
+def _disagreement(cloud: Cloud, out: Path, labelled: int, expected: int) -> InvalidInput:
+    damage = f" ({cloud.damage})" if cloud.damage else ""
+    return InvalidInput(
+        f"{labelled:,} points of {cloud.paths[0]} have labels, of {expected:,} that there are{damage}; "
+        f"give the input that they were made from; {out} is not written"
+    )
 
 
 def check_kind(cloud: Cloud, out: Path | str, id_name: str | None = None) -> None:

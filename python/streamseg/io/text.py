@@ -33,9 +33,9 @@ __all__ = ["SUFFIXES", "TextLayout", "TextSource"]
 class TextSource:
     """One text file. See `streamseg.io.cloud.Source`.
 
-    Columns are separated by commas, semicolons, tabs or blanks. A line of names before the points, also behind ``#``
-    or ``//``, says which columns are x (or easting), y (or northing) and z (or height, elevation); without one they
-    are the first three columns. Every line has the same columns. ``#`` starts a comment. A number alone in a line
+    Columns are separated by commas, semicolons, tabs or blanks. A line of names before the points says which columns
+    are x (or easting), y (or northing) and z (or height, elevation). It may stand behind ``#`` or ``//``. Without one
+    they are the first three columns. Every line has the same columns. ``#`` starts a comment. A number alone in a line
     before the points announces how many follow.
 
     Attributes

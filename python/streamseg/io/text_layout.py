@@ -131,9 +131,8 @@ def _by_place(path: Path, lines: Sequence[str], delimiter: str | None, width: in
         raise InvalidInput(f"{path} has {width} columns, expected x, y and z")
     if delimiter == "," and has_split_decimals(lines):
         raise InvalidInput(
-            f"{path} has {width} columns between commas, of which every second looks like decimals; "
-            "numbers with decimal commas are not read: write 1.5, with a point, or, if they are none, "
-            "name the columns in a first line"
+            f"{path} has {width} columns between commas, and every second looks like decimals; "
+            "if they are, write 1.5, else name the columns in a first line"
         )
     if delimiter == "," and may_have_split_decimals(lines):
         warn(

@@ -38,7 +38,7 @@ class Node(NamedTuple):
         return (part for part in self.parts if isinstance(part, Node) and part.keyword in keywords)
 
 
-class Said(NamedTuple):
+class StatedSystem(NamedTuple):
     """What a text says; see `CoordinateSystem`."""
 
     name: str
@@ -47,7 +47,7 @@ class Said(NamedTuple):
     vertical_unit: str | None
 
 
-def said_by(text: str) -> Said | None:
+def said_by(text: str) -> StatedSystem | None:
     """Tell what a text says of the coordinates; None if it is no coordinate system."""
     root = parsed(text)
     if root is None:
@@ -60,7 +60,7 @@ def said_by(text: str) -> Said | None:
     units = _axis_units(horizontal, is_geographic)
     vertical = next((_axis_units(one, False)[0] for one in systems if one.keyword in _VERTICAL), units[-1])
     name = root.name or horizontal.name
-    return Said(name, units[0] or (DEGREES if is_geographic else None), is_geographic, vertical)
+    return StatedSystem(name, units[0] or (DEGREES if is_geographic else None), is_geographic, vertical)
 
 
 def parsed(text: str) -> Node | None:
