@@ -58,7 +58,10 @@ class Witness:
         FileError
             Its size or its time is another.
         """
-        if _stamp(self._path) != self._stamp:
+        now = _stamp(self._path)
+        if now is None and self._stamp is not None:
+            raise FileError(f"{self._path} does not exist as a file any more; it did when it was opened")
+        if now != self._stamp:
             raise self._has_changed()
 
     @contextmanager
