@@ -34,6 +34,9 @@ GREETING = b"LAZ?"
 LENGTH = struct.Struct("<I")
 PAIR = struct.Struct("<QQ")
 
+# Damage and a file that is cut off look alike to a decoder.
+ENDS_EARLY = "the data end too early"
+
 # What can be asked for.
 CHUNK, REST, EXTENT, TABLE = range(4)
 
@@ -121,7 +124,7 @@ def in_words(error: BaseException) -> str:
         return str(error) or "there is not enough memory to decode it"
     if isinstance(error, OSError):
         return f"it cannot be read: {error.strerror or error}"
-    return "unexpected end of data" if _is_end(error) else f"the decoder says: {error}"
+    return ENDS_EARLY if _is_end(error) else f"the decoder says: {error}"
 
 
 def layers_of(record: bytes) -> list[int]:
@@ -241,7 +244,7 @@ def _layered(file: BinaryIO, request: Request) -> Iterator[bytearray]:
     file.seek(request.start)
     head = file.read(request.size + counts.size)
     if len(head) < request.size + counts.size:
-        raise Damage("unexpected end of data")
+        raise Damage(ENDS_EARLY)
     count, *sizes = counts.unpack_from(head, request.size)
     if count != request.points or len(head) + sum(sizes) != request.length:
         raise Damage("the sizes of a chunk contradict each other")

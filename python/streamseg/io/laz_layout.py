@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import FileError
 from . import laz_decoder
-from .laz_decoder import CHUNK, EXTENT, LAYERED, PAIR, POINTWISE, REST, TABLE, Request
+from .laz_decoder import CHUNK, ENDS_EARLY, EXTENT, LAYERED, PAIR, POINTWISE, REST, TABLE, Request
 from .laz_processes import Undecodable
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ class LayoutFinder:
             if left <= 0 and (is_past or _is_table(_bytes_at(file, at, 8), len(counts))):
                 break
             if at + self._size + counts_of.size > self._end:
-                reason = "unexpected end of data"
+                reason = ENDS_EARLY
                 break
             count, *sizes = counts_of.unpack(_bytes_at(file, at + self._size, counts_of.size))
             length = self._size + counts_of.size + sum(sizes)
@@ -231,7 +231,7 @@ class LayoutFinder:
         at, left = self._start, int(self._header.point_count)
         lengths: list[int] = []
         counts: list[int] = []
-        last, reason = CHUNK, "unexpected end of data"
+        last, reason = CHUNK, ENDS_EARLY
         while left > 0 and at < self._end:
             counts.append(min(size, left))
             left -= counts[-1]
