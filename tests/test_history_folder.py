@@ -121,7 +121,7 @@ def test_a_manifest_that_cannot_be_read_is_not_called_missing(tmp_path: Path) ->
         with pytest.raises(ss.FileError, match=r"is no history: it has no manifest\.json"):
             ss.History(no_history)
     path.symlink_to(path)
-    with pytest.raises(ss.FileError, match=r"manifest\.json cannot be read: Too many levels of symbolic links"):
+    with pytest.raises(ss.FileError, match=r"manifest\.json cannot be reached: Too many levels of symbolic links"):
         ss.History(tmp_path / "run")
 
 

@@ -182,12 +182,11 @@ def test_a_history_keeps_the_causes(say: Say) -> None:
     ]
 
 
-@pytest.mark.parametrize("instead", ["", '"unlabelled": 7,', '"unlabelled": {"filtered": "x", "what": 3},'])
-def test_a_history_without_causes_is_read_too(say: Say, instead: str) -> None:
+def test_a_history_without_causes_is_read_too(say: Say) -> None:
     say("segment", "in.npy", "out.npy", "--distance", 1, "--filter", "Z > 0", "--history", "past")
     manifest = Path("past", "manifest.json")
     before, _, after = manifest.read_text().partition('"unlabelled": {')
-    manifest.write_text(before + instead + after.partition("},")[2])
+    manifest.write_text(before + after.partition("},")[2])
     assert say("resolve", "past", "in.npy", "again.npy")[1:] == [
         "1 point has no segment (5 %): 1 in no segment of any window"
     ]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import FileError, InvalidInput
+from .opening import require_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,11 +57,11 @@ class Witness:
         Raises
         ------
         FileError
-            Its size or its time is another.
+            Its size or its time is another, or it is no file any more.
         """
         now = _stamp(self._path)
-        if now is None and self._stamp is not None:
-            raise FileError(f"{self._path} does not exist as a file any more; it did when it was opened")
+        if now is None:
+            require_file(self._path)
         if now != self._stamp:
             raise self._has_changed()
 
