@@ -144,7 +144,7 @@ impl PointSegment {
     #[inline]
     pub fn find(&self, arrival: u64) -> std::result::Result<SegmentId, Cause> {
         let told = self.told(arrival).ok_or(Cause::BySegmentor)?;
-        segment_id(told).ok_or(cause(told))
+        segment_id(told).ok_or_else(|| cause(told))
     }
 
     /// Gives `id` to a point in scope that has none; a point that has one keeps it.
