@@ -38,6 +38,7 @@ __all__ = [
     "StatisticalOutlierRemoval",
     "ThinnedSpan",
     "Thinning",
+    "Turn",
     "VoxelGrid",
     "Window",
     "WindowPoints",
